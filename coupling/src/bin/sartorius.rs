@@ -1,0 +1,3 @@
+//! The command `sartorius`.
+
+fn main() {}

@@ -1,0 +1,56 @@
+//! Meshes: nodes, cells in blocks of one kind, named regions and surfaces.
+
+/// Shape of a cell. Node order follows VTK (which FEBio, Abaqus and Gmsh share for these linear cells;
+/// tet10 of Gmsh swaps its last two nodes).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum CellKind {
+    /// Trilinear hexahedron, 8 nodes.
+    Hex8,
+    /// Linear tetrahedron, 4 nodes.
+    Tet4,
+    /// Quadratic tetrahedron, 10 nodes.
+    Tet10,
+    /// Bilinear quadrilateral, 4 nodes (membrane or surface).
+    Quad4,
+    /// Linear triangle, 3 nodes (surface).
+    Tri3,
+    /// Straight line of two nodes (truss, strand).
+    Line2,
+}
+
+/// Cells of one kind, stored one after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellBlock {
+    /// Name of the region, e.g. `rectus_femoris`.
+    pub name: String,
+    /// Shape of every cell of the block.
+    pub kind: CellKind,
+    /// Node indices, `kind.n_nodes()` per cell.
+    pub nodes: Vec<u32>,
+}
+
+/// A mesh; lengths in m once read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Node coordinates \[m\].
+    pub points: Vec<[f64; 3]>,
+    /// Cells by region.
+    pub blocks: Vec<CellBlock>,
+    /// Named sets of nodes, e.g. `proximal_end`; sorted, unique.
+    pub node_sets: std::collections::BTreeMap<String, Vec<u32>>,
+    /// Named surfaces as quadrilaterals or triangles (a triangle repeats its last node).
+    pub surfaces: std::collections::BTreeMap<String, Vec<[u32; 4]>>,
+}
+
+impl CellKind {
+    /// Nodes of a cell of this kind.
+    pub fn n_nodes(self) -> usize {
+        match self {
+            CellKind::Hex8 => 8,
+            CellKind::Tet4 | CellKind::Quad4 => 4,
+            CellKind::Tet10 => 10,
+            CellKind::Tri3 => 3,
+            CellKind::Line2 => 2,
+        }
+    }
+}

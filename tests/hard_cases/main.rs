@@ -1,0 +1,62 @@
+//! The hard cases of the design as one table: a row per case with id, verdict, the number that decided it, seconds.
+//!
+//! `cargo test --release -p sartorius-tests --test hard_cases` runs the quick tier,
+//! `cargo test --release -p sartorius-tests --test hard_cases -- --full [ID...]` everything (or the named cases).
+
+use std::time::Instant;
+
+mod fem;
+mod rigid;
+
+/// When a case runs.
+#[derive(Clone, Copy, PartialEq)]
+enum Tier {
+    /// On every change.
+    Quick,
+    /// On request (`--full`).
+    Full,
+}
+
+/// How a case ended: `Ok` with the number that decided it, `Err` with what went wrong.
+type Outcome = Result<String, String>;
+
+/// One hard case.
+struct Case {
+    /// As in the design, e.g. `E1`.
+    id: &'static str,
+    /// What is asked.
+    title: &'static str,
+    tier: Tier,
+    run: fn() -> Outcome,
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let full = arguments.iter().any(|a| a == "--full");
+    let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
+    let mut failed = 0;
+    println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
+    for case in fem::CASES.iter().chain(rigid::CASES) {
+        if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
+            continue;
+        }
+        if wanted.is_empty() && case.tier == Tier::Full && !full {
+            continue;
+        }
+        let start = Instant::now();
+        let outcome = (case.run)();
+        let seconds = start.elapsed().as_secs_f64();
+        let (verdict, text) = match outcome {
+            Ok(text) => ("pass", text),
+            Err(text) => {
+                failed += 1;
+                ("FAIL", text)
+            }
+        };
+        println!("{:<5} {:<8} {:>8.2}  {}; {}", case.id, verdict, seconds, case.title, text);
+    }
+    if failed > 0 {
+        println!("{failed} hard case(s) failed");
+        std::process::exit(1);
+    }
+}
