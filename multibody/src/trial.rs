@@ -43,8 +43,10 @@ pub struct Subject {
 /// The path of one marker.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerTrack {
-    /// Name as in the trial file (or as in the recording).
+    /// Name as in the recording.
     pub name: String,
+    /// Segment that carries it.
+    pub segment: crate::natural::SegmentId,
     /// Position in ground at each frame \[m\]; `None` where it was not seen.
     pub position: Vec<Option<Vector3<f64>>>,
 }
@@ -73,7 +75,7 @@ pub struct Trial {
     pub time: Vec<f64>,
     /// Frames that are reported; the frames around them only feed the filters.
     pub report: Range<usize>,
-    /// Every marker of the recording that the trial names.
+    /// The markers that the trial file assigns to segments.
     pub markers: Vec<MarkerTrack>,
     /// Ground reaction on the leg under study.
     pub ground: GroundReaction,
