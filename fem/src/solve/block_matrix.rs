@@ -1,0 +1,316 @@
+//! Symmetric sparse matrix of 3×3 blocks, one block row per free node.
+//!
+//! Both triangles are stored, so that a product is a sum over rows (parallel, same bits on any number of threads).
+//! The pattern and the place of every group's blocks are found once; assembly is then a sum without search.
+
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Marks a prescribed node in lists of free-node indices: its rows and columns are left out.
+pub const PRESCRIBED: u32 = u32::MAX;
+
+/// Groups whose matrices are held at once during assembly: about 5 MB for hex8.
+const GROUPS_AT_ONCE: usize = 1024;
+
+/// Which pairs of free nodes are coupled. Symmetric; the diagonal is always there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pattern {
+    /// First block of each row; `n_nodes + 1`.
+    row_start: Vec<usize>,
+    /// Column of each block, ascending in each row.
+    column: Vec<u32>,
+}
+
+impl Pattern {
+    /// Pattern of `n_nodes` free nodes where the nodes of each group (an element, say) are coupled with each other.
+    ///
+    /// Entries equal to [`PRESCRIBED`] are skipped.
+    pub fn new<'a>(n_nodes: usize, groups: impl Iterator<Item = &'a [u32]> + Clone) -> Pattern {
+        let mut touching = vec![0_usize; n_nodes + 1];
+        for group in groups.clone() {
+            for &node in group.iter().filter(|&&n| n != PRESCRIBED) {
+                touching[node as usize + 1] += 1;
+            }
+        }
+        for i in 0..n_nodes {
+            touching[i + 1] += touching[i];
+        }
+        let groups: Vec<&[u32]> = groups.collect();
+        let mut next = touching.clone();
+        let mut groups_of = vec![0_u32; touching[n_nodes]];
+        for (g, group) in groups.iter().enumerate() {
+            for &node in group.iter().filter(|&&n| n != PRESCRIBED) {
+                groups_of[next[node as usize]] = g as u32;
+                next[node as usize] += 1;
+            }
+        }
+        let rows: Vec<Vec<u32>> = (0..n_nodes)
+            .into_par_iter()
+            .map(|i| {
+                let mut row = vec![i as u32];
+                for &g in &groups_of[touching[i]..touching[i + 1]] {
+                    row.extend(groups[g as usize].iter().filter(|&&n| n != PRESCRIBED));
+                }
+                row.sort_unstable();
+                row.dedup();
+                row
+            })
+            .collect();
+        let mut row_start = Vec::with_capacity(n_nodes + 1);
+        row_start.push(0);
+        for row in &rows {
+            row_start.push(row_start[row_start.len() - 1] + row.len());
+        }
+        Pattern { row_start, column: rows.concat() }
+    }
+
+    /// Number of free nodes.
+    pub fn n_nodes(&self) -> usize {
+        self.row_start.len() - 1
+    }
+
+    /// Number of 3×3 blocks, both triangles.
+    pub fn n_blocks(&self) -> usize {
+        self.column.len()
+    }
+
+    /// Nodes coupled with `node`, itself included, ascending.
+    pub fn row(&self, node: usize) -> &[u32] {
+        &self.column[self.row_start[node]..self.row_start[node + 1]]
+    }
+
+    /// First block of each row; `n_nodes + 1`.
+    pub fn row_start(&self) -> &[usize] {
+        &self.row_start
+    }
+
+    /// Where the blocks of equal groups of `nodes_per_group` nodes lie. `nodes`: free-node index or [`PRESCRIBED`],
+    /// group after group. Panics where the pattern lacks a pair.
+    pub fn slots(&self, nodes_per_group: usize, nodes: &[u32]) -> Slots {
+        let m = nodes_per_group;
+        assert!(m > 0 && nodes.len().is_multiple_of(m), "{} nodes in groups of {m}", nodes.len());
+        let mut slot = vec![PRESCRIBED; nodes.len() * m];
+        slot.par_chunks_mut(m).enumerate().for_each(|(entry, slots)| {
+            let row = nodes[entry];
+            if row == PRESCRIBED {
+                return;
+            }
+            let start = self.row_start[row as usize];
+            let group = entry / m;
+            for (slot, &column) in slots.iter_mut().zip(&nodes[group * m..(group + 1) * m]) {
+                if column != PRESCRIBED {
+                    let at = self.row(row as usize).binary_search(&column).expect("pair is in the pattern");
+                    *slot = (at + start) as u32;
+                }
+            }
+        });
+        let mut by_row = Vec::with_capacity(nodes.len());
+        let mut batch_start = vec![0];
+        for (batch, nodes) in nodes.chunks(GROUPS_AT_ONCE * m).enumerate() {
+            let first = by_row.len();
+            let offset = batch * GROUPS_AT_ONCE * m;
+            by_row.extend((0..nodes.len()).filter(|&a| nodes[a] != PRESCRIBED).map(|a| (offset + a) as u32));
+            by_row[first..].sort_by_key(|&entry| nodes[entry as usize - offset]);
+            batch_start.push(by_row.len());
+        }
+        Slots { nodes_per_group: m, nodes: nodes.to_vec(), slot, by_row, batch_start }
+    }
+}
+
+/// Places of the blocks of equal groups (the elements of one block of cells) in a [`BlockMatrix`], and the order in
+/// which their contributions are summed.
+#[derive(Clone, Debug)]
+pub struct Slots {
+    nodes_per_group: usize,
+    /// Free node of each entry, `nodes_per_group` per group.
+    nodes: Vec<u32>,
+    /// Block of (entry, other node of its group), `nodes_per_group` per entry.
+    slot: Vec<u32>,
+    /// Entries of each batch of groups sorted by their free node.
+    by_row: Vec<u32>,
+    batch_start: Vec<usize>,
+}
+
+impl Slots {
+    /// Number of groups.
+    pub fn n_groups(&self) -> usize {
+        self.nodes.len() / self.nodes_per_group
+    }
+
+    /// Adds a vector of `3 · nodes_per_group` per group to `g`: `fill(first, out)` overwrites the vectors
+    /// of `out.len() / (3 · nodes_per_group)` groups from `first` on, at most `batch` at a time (zeroed before).
+    ///
+    /// Summed in the order of the groups: same bits on any number of threads.
+    pub fn add_vectors(&self, g: &mut [f64], batch: usize, fill: impl Fn(usize, &mut [f64]) + Sync) {
+        let m = self.nodes_per_group;
+        self.for_each_batch(3 * m, batch, fill, |first_entry, entries, vectors| {
+            self.scatter(
+                g,
+                |node| 3 * node,
+                entries,
+                |entry, offset, g: &mut [f64]| {
+                    let from = &vectors[3 * (entry - first_entry)..][..3];
+                    let to = 3 * self.nodes[entry] as usize - offset;
+                    for (to, from) in g[to..to + 3].iter_mut().zip(from) {
+                        *to += from;
+                    }
+                },
+            );
+        });
+    }
+
+    /// Computes the groups' values batch by batch (parallel) and hands each batch with its entries to `add`.
+    fn for_each_batch(
+        &self,
+        size: usize,
+        batch: usize,
+        fill: impl Fn(usize, &mut [f64]) + Sync,
+        mut add: impl FnMut(usize, &[u32], &[f64]),
+    ) {
+        let n_groups = self.n_groups();
+        let batch = batch.clamp(1, GROUPS_AT_ONCE);
+        let mut values = vec![0.0; size * n_groups.min(GROUPS_AT_ONCE)];
+        for (b, first) in (0..n_groups).step_by(GROUPS_AT_ONCE).enumerate() {
+            let values = &mut values[..size * (n_groups - first).min(GROUPS_AT_ONCE)];
+            values.par_chunks_mut(size * batch).enumerate().for_each(|(c, values)| {
+                values.fill(0.0);
+                fill(first + c * batch, values);
+            });
+            let entries = &self.by_row[self.batch_start[b]..self.batch_start[b + 1]];
+            add(first * self.nodes_per_group, entries, values);
+        }
+    }
+
+    /// Adds sorted `entries` to `target` in parallel pieces that own whole rows. `start(node)`: index in `target` of the
+    /// first value of a node's row.
+    fn scatter<T: Send>(
+        &self,
+        target: &mut [T],
+        start: impl Fn(usize) -> usize,
+        entries: &[u32],
+        add: impl Fn(usize, usize, &mut [T]) + Sync,
+    ) {
+        let mut pieces = Vec::new();
+        let mut target = target;
+        let mut offset = 0; // of `target` in the whole
+        let mut entries = entries;
+        let piece = entries.len().div_ceil(16).max(64);
+        while !entries.is_empty() {
+            let mut n = piece.min(entries.len());
+            let last = self.nodes[entries[n - 1] as usize];
+            n += entries[n..].iter().take_while(|&&e| self.nodes[e as usize] == last).count();
+            let begin = start(self.nodes[entries[0] as usize] as usize);
+            let end = start(last as usize + 1);
+            let (mine, rest) = std::mem::take(&mut target)[begin - offset..].split_at_mut(end - begin);
+            target = rest;
+            offset = end;
+            let (now, later) = entries.split_at(n);
+            entries = later;
+            pieces.push((begin, now, mine));
+        }
+        pieces.into_par_iter().for_each(|(offset, entries, target)| {
+            for &entry in entries {
+                add(entry as usize, offset, target);
+            }
+        });
+    }
+}
+
+/// Symmetric matrix of 3×3 blocks on a [`Pattern`].
+#[derive(Clone, Debug)]
+pub struct BlockMatrix {
+    pattern: Arc<Pattern>,
+    /// Blocks in the order of the pattern, each row-major.
+    blocks: Vec<[f64; 9]>,
+}
+
+impl BlockMatrix {
+    /// The zero matrix on a pattern.
+    pub fn zeros(pattern: Arc<Pattern>) -> BlockMatrix {
+        let blocks = vec![[0.0; 9]; pattern.n_blocks()];
+        BlockMatrix { pattern, blocks }
+    }
+
+    /// The pattern.
+    pub fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    /// Blocks of row `node` in the order of `pattern().row(node)`, each row-major.
+    pub fn row(&self, node: usize) -> &[[f64; 9]] {
+        &self.blocks[self.pattern.row_start[node]..self.pattern.row_start[node + 1]]
+    }
+
+    /// Sets every entry to zero.
+    pub fn clear(&mut self) {
+        self.blocks.par_iter_mut().with_min_len(4096).for_each(|b| *b = [0.0; 9]);
+    }
+
+    /// Adds `block` (row-major) to block (`row`, `column`); the caller adds its transpose to (`column`, `row`).
+    /// Panics where the pattern lacks it. For single terms; groups of equal size go through [`add_groups`](Self::add_groups).
+    pub fn add_block(&mut self, row: usize, column: usize, block: &[f64; 9]) {
+        let at = self.pattern.row(row).binary_search(&(column as u32)).expect("block is in the pattern");
+        let at = at + self.pattern.row_start[row];
+        for (to, from) in self.blocks[at].iter_mut().zip(block) {
+            *to += from;
+        }
+    }
+
+    /// Adds the symmetric matrices of equal groups: `fill(first, out)` overwrites the `3m × 3m` row-major matrices of
+    /// `out.len() / (9 m²)` consecutive groups from `first` on, at most `batch` at a time (zeroed before);
+    /// m is the number of nodes per group. Rows and columns of prescribed nodes are left out.
+    ///
+    /// Summed in the order of the groups: same bits on any number of threads.
+    pub fn add_groups(&mut self, slots: &Slots, batch: usize, fill: impl Fn(usize, &mut [f64]) + Sync) {
+        let m = slots.nodes_per_group;
+        let n = 3 * m;
+        let BlockMatrix { pattern, blocks } = self;
+        slots.for_each_batch(n * n, batch, fill, |first_entry, entries, matrices| {
+            slots.scatter(
+                blocks,
+                |node| pattern.row_start[node],
+                entries,
+                |entry, offset, blocks| {
+                    let row = &matrices[3 * n * (entry - first_entry)..][..3 * n];
+                    for (b, &slot) in slots.slot[entry * m..(entry + 1) * m].iter().enumerate() {
+                        if slot == PRESCRIBED {
+                            continue;
+                        }
+                        let block = &mut blocks[slot as usize - offset];
+                        for i in 0..3 {
+                            for j in 0..3 {
+                                block[3 * i + j] += row[i * n + 3 * b + j];
+                            }
+                        }
+                    }
+                },
+            );
+        });
+    }
+
+    /// y = K x.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        let rows = 256;
+        y.par_chunks_mut(3 * rows).enumerate().for_each(|(chunk, y)| {
+            for (i, y) in y.chunks_exact_mut(3).enumerate() {
+                let node = chunk * rows + i;
+                let mut sum = [0.0; 3];
+                for (&column, b) in self.pattern.row(node).iter().zip(self.row(node)) {
+                    let x = &x[3 * column as usize..3 * column as usize + 3];
+                    for r in 0..3 {
+                        sum[r] += b[3 * r] * x[0] + b[3 * r + 1] * x[1] + b[3 * r + 2] * x[2];
+                    }
+                }
+                y.copy_from_slice(&sum);
+            }
+        });
+    }
+
+    /// Diagonal entry of unknown `i`.
+    pub fn diagonal(&self, i: usize) -> f64 {
+        let node = i / 3;
+        let at =
+            self.pattern.row(node).binary_search(&(node as u32)).expect("the diagonal is in the pattern");
+        self.row(node)[at][4 * (i % 3)]
+    }
+}

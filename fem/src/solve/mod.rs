@@ -1,0 +1,62 @@
+//! Equilibrium of an island: minimum of its total potential over the positions of its free nodes.
+//!
+//! An *island* is a set of nodes that nothing connects to the rest; each is one [`Potential`] and is solved alone.
+
+pub mod block_matrix;
+
+pub use block_matrix::{BlockMatrix, PRESCRIBED, Pattern, Slots};
+use std::sync::Arc;
+
+/// The total potential Π of one island as a function of its unknowns.
+///
+/// The unknowns `x` are the current positions \[m\] of the free nodes, node-major (x₀ y₀ z₀ x₁ …). A node all of whose
+/// components are prescribed is no free node: it is kept inside the potential. A node with one or two
+/// prescribed components (a roller) is a free node; its prescribed components are named by
+/// [`fixed`](Potential::fixed). `gradient` and `hessian` fill them like any other: the solver leaves them out.
+pub trait Potential: Send + Sync {
+    /// Number of unknowns, three per free node.
+    fn n_unknowns(&self) -> usize {
+        3 * self.pattern().n_nodes()
+    }
+
+    /// Which free nodes are coupled; built once (a new `Arc` makes the solver analyse it again).
+    fn pattern(&self) -> &Arc<Pattern>;
+
+    /// Unknowns that are prescribed and only move with the load, one flag per unknown; empty: none.
+    fn fixed(&self) -> &[bool] {
+        &[]
+    }
+
+    /// Π \[J\]; `+∞` where inadmissible (an inverted element), so that the line search backs off.
+    fn energy(&self, x: &[f64]) -> f64;
+
+    /// g = ∂Π/∂x \[N\]; overwrites `g`. Needs finite energy.
+    fn gradient(&self, x: &[f64], g: &mut [f64]);
+
+    /// K = ∂²Π/∂x² \[N/m\]; overwrites `k`, which has this potential's pattern. Needs finite energy.
+    ///
+    /// `projected`: every term's own Hessian is replaced by its nearest positive semi-definite one, so that the sum
+    /// is positive semi-definite.
+    fn hessian(&self, x: &[f64], projected: bool, k: &mut BlockMatrix);
+
+    /// Norm \[N\] of the forces in play, the scale of the residual: reactions of the prescribed unknowns
+    /// (fully and partly prescribed nodes), external and active forces.
+    fn force_scale(&self, x: &[f64]) -> f64;
+
+    /// Least det F over all integration points, and where: e.g. ``element 17 in `vastus_lateralis` ``.
+    fn least_det_f(&self, x: &[f64]) -> (f64, String);
+
+    /// Name of a free node for messages, e.g. ``node 12 of `rectus_femoris` ``.
+    fn node_name(&self, free_node: usize) -> String {
+        format!("free node {free_node}")
+    }
+}
+
+/// A potential that depends on a load parameter t: prescribed positions, activations, pressures, gravity.
+pub trait Loading: Potential {
+    /// Sets everything prescribed to its value at `t` in 0..=1, and the [`fixed`](Potential::fixed) components of `x`.
+    ///
+    /// Must be a smooth function of `t`: the solver differentiates the gradient with respect to it by a small
+    /// step and predicts how the free nodes follow.
+    fn set_load(&mut self, t: f64, x: &mut [f64]);
+}
