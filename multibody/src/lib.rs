@@ -1,4 +1,18 @@
 //! The rigid lower limb: from markers and ground reaction to muscle forces and activations.
+//!
+//! The road: a [`trial::Trial`] is fitted ([`ik`]) to a [`model::Model`] under its joint equations and becomes a
+//! [`trial::Motion`]; [`dynamics`] turns that into [`trial::Loads`]; force sharing turns those into a [`trial::Effort`].
+//! Everything past the readers is SI, in ground axes X forward, Y up, Z to the right, and a right leg.
 
+pub mod anatomy;
+pub mod calibration;
+pub mod filter;
+pub mod ik;
+pub mod joint;
+pub mod kinematics;
+pub mod model;
+pub mod muscle;
 pub mod natural;
+pub mod tables;
 pub mod trial;
+pub mod walker;

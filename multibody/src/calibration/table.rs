@@ -1,0 +1,137 @@
+//! Landmarks from a table: local coordinates of markers, joint centres and landmarks per segment
+//! (columns `item, kind, segment, x_or_value, y, z`, as in `gait-data/reference_subject.csv`).
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use crate::anatomy::{Anatomy, Cluster, FootAxes, PelvisAxes, ShankAxes, ThighAxes};
+use crate::natural::SegmentId;
+
+/// Why a table of landmarks cannot be used.
+#[derive(Debug, Error)]
+pub enum TableError {
+    /// A row cannot be read.
+    #[error("line {line}: {what}")]
+    Row {
+        /// Line in the file, from 1.
+        line: u64,
+        /// What is wrong and how to mend it.
+        what: String,
+    },
+    /// A landmark is missing.
+    #[error("the table lacks `{item}` of the {segment}; add a row `{item},…,{segment},…` with its coordinates in m")]
+    Missing {
+        /// Item that is missing.
+        item: String,
+        /// Segment it belongs to.
+        segment: String,
+    },
+}
+
+/// A row: local position of an item of a segment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TableItem {
+    /// Name of the item.
+    pub item: String,
+    /// `marker`, `virtual marker`, `landmark`, `joint centre`, …
+    pub kind: String,
+    /// Segment in whose SCS the position is given.
+    pub segment: SegmentId,
+    /// Position \[m\].
+    pub position: Vector3<f64>,
+}
+
+/// Reads the rows with a segment; rows without one (scalars) are skipped.
+pub fn read(text: &str) -> Result<Vec<TableItem>, TableError> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let row_error = |line: u64, what: String| TableError::Row { line, what };
+    let headers = reader.headers().map_err(|e| row_error(1, e.to_string()))?.clone();
+    let column = |name: &str| {
+        headers.iter().position(|h| h == name).ok_or_else(|| {
+            row_error(1, format!("column `{name}` is missing; the header must name item, kind, segment, x_or_value, y, z"))
+        })
+    };
+    let (item, kind, segment) = (column("item")?, column("kind")?, column("segment")?);
+    let position = [column("x_or_value")?, column("y")?, column("z")?];
+    let mut items = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| {
+            let line = e.position().map_or(0, |p| p.line());
+            row_error(line, e.to_string())
+        })?;
+        let line = record.position().map_or(0, |p| p.line());
+        if record[segment].trim().is_empty() {
+            continue;
+        }
+        let id = SegmentId::ALL
+            .into_iter()
+            .find(|s| s.name() == record[segment].trim())
+            .ok_or_else(|| row_error(line, format!("unknown segment `{}`; known: pelvis, thigh, patella, shank, foot", &record[segment])))?;
+        let mut xyz = [0.0; 3];
+        for (value, &c) in xyz.iter_mut().zip(&position) {
+            *value = record[c].trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() < 3.0).ok_or_else(|| {
+                row_error(line, format!("`{}` is no coordinate in m (a number between -3 and 3)", &record[c]))
+            })?;
+        }
+        items.push(TableItem {
+            item: record[item].trim().to_string(),
+            kind: record[kind].trim().to_string(),
+            segment: id,
+            position: Vector3::from(xyz),
+        });
+    }
+    Ok(items)
+}
+
+/// Makes the anatomy from table items. `recorded`: recorded marker name of each table item that is a tracked marker.
+///
+/// The shank's forward axis is normal to its long axis and to the knee axis that the shank carries at zero knee flexion
+/// (functional), which the knee model expects.
+pub fn anatomy(items: &[TableItem], recorded: &HashMap<String, String>) -> Result<Anatomy, TableError> {
+    let find = |segment: SegmentId, names: &[&str]| {
+        items
+            .iter()
+            .find(|i| i.segment == segment && names.contains(&i.item.as_str()))
+            .map(|i| i.position)
+            .ok_or_else(|| TableError::Missing { item: names[0].into(), segment: segment.name().into() })
+    };
+    use SegmentId::{Foot, Pelvis, Shank, Thigh};
+    let clusters = SegmentId::ALL.map(|segment| {
+        let members = items.iter().filter(|i| i.segment == segment && recorded.contains_key(&i.item));
+        let (names, points) = members.map(|i| (recorded[&i.item].clone(), i.position)).unzip();
+        Cluster { names, points }
+    });
+    let asis = (find(Pelvis, &["right ASIS"])?, find(Pelvis, &["left ASIS"])?);
+    let knee_axis =
+        (find(Thigh, &["lateral epicondyle"])? - find(Thigh, &["medial epicondyle"])?).normalize();
+    let (shank_knee, ankle) = (Vector3::zeros(), find(Shank, &["ankle centre"])?);
+    let carried = (
+        find(Shank, &["lateral epicondyle carried by the shank at zero knee flexion"])?,
+        find(Shank, &["medial epicondyle carried by the shank at zero knee flexion"])?,
+    );
+    let shank_u = (shank_knee - ankle).cross(&(carried.0 - carried.1)).normalize();
+    let malleoli = (find(Shank, &["lateral malleolus"])? - find(Shank, &["medial malleolus"])?).normalize();
+    let metatarsals = (find(Foot, &["metatarsal head 1"])?, find(Foot, &["metatarsal head 5"])?);
+    let toe = 0.5 * (metatarsals.0 + metatarsals.1);
+    Ok(Anatomy {
+        clusters,
+        pelvis: PelvisAxes {
+            u: Vector3::x(),
+            w: Vector3::z(),
+            lumbar: find(Pelvis, &["lumbar joint centre (regression)", "lumbar joint centre"])?,
+            hip: find(Pelvis, &["hip centre"])?,
+            width: (asis.0 - asis.1).norm(),
+            origin: 0.5 * (asis.0 + asis.1),
+        },
+        thigh: ThighAxes { knee: find(Thigh, &["knee centre"])?, w: knee_axis },
+        shank: ShankAxes { knee: shank_knee, ankle, u: shank_u, w: malleoli },
+        foot: FootAxes {
+            ankle: Vector3::zeros(),
+            toe,
+            u: (toe - find(Foot, &["heel"])?).normalize(),
+            w: (metatarsals.1 - metatarsals.0).normalize(),
+        },
+    })
+}

@@ -1,0 +1,3 @@
+//! Muscles.
+
+pub mod path;
