@@ -33,16 +33,54 @@ fn probe() {
     for knee in [Knee::Hinge, Knee::Coupled] {
         for ankle in [Ankle::Universal, Ankle::Parallel] {
             let (trial, anatomy) = walker(knee);
-            let model = Model::new(&trial, anatomy, ankle).unwrap();
-            let start = std::time::Instant::now();
-            let frames = ik::fit(&model, &trial);
-            let dt = start.elapsed();
-            let r: Vec<_> = trial.report.clone().map(|k| &frames[k]).collect();
-            let rms = (r.iter().map(|f| f.verdict.marker_rms.powi(2)).sum::<f64>() / r.len() as f64).sqrt();
-            let it: usize = frames.iter().map(|f| f.verdict.iterations).sum();
-            let c = r.iter().map(|f| f.verdict.constraint).fold(0.0, f64::max);
-            let fails: Vec<_> = frames.iter().filter_map(|f| f.verdict.failure.clone()).collect();
-            println!("{knee:?} {ankle:?} rms {:.3} mm, {it} iterations, constraint {c:.1e}, fails {} {:?} {dt:?}", rms*1e3, fails.len(), fails.first());
+            let mut model = Model::new(&trial, anatomy, ankle).unwrap();
+            for pass in 0..2 {
+                if pass == 1 {
+                    use multibody::natural::*;
+                    let i = model
+                        .equations
+                        .iter()
+                        .position(|e| {
+                            matches!(e, multibody::joint::Equation::Coincide { contact: "ankle", .. })
+                        })
+                        .unwrap();
+                    let gap = model.shapes[1]
+                        .point(SegmentId::Shank, &nalgebra::Vector3::zeros(), End::Distal)
+                        .minus(&model.shapes[0].point(
+                            SegmentId::Foot,
+                            &nalgebra::Vector3::zeros(),
+                            End::Proximal,
+                        ));
+                    model.equations.remove(i);
+                    model.equations.remove(i);
+                    if ankle == Ankle::Parallel {
+                        model.equations.remove(i);
+                    }
+                    model.equations.insert(
+                        0,
+                        multibody::joint::Equation::Coincide {
+                            gap,
+                            distal: SegmentId::Foot,
+                            contact: "ankle",
+                        },
+                    );
+                }
+                let frames = ik::fit(&model, &trial);
+                let r: Vec<_> = trial
+                    .report
+                    .clone()
+                    .map(|k| &frames[k])
+                    .filter(|f| f.verdict.failure.is_none())
+                    .collect();
+                let rms =
+                    (r.iter().map(|f| f.verdict.marker_rms.powi(2)).sum::<f64>() / r.len() as f64).sqrt();
+                for (k, f) in frames.iter().enumerate() {
+                    if f.verdict.failure.is_some() {
+                        println!("{k} {:?}", f.verdict);
+                    }
+                }
+                println!("{knee:?} {ankle:?} {pass} rms {:.3} mm {}", rms * 1e3, r.len());
+            }
         }
     }
 }

@@ -107,7 +107,12 @@ impl Anatomy {
         let lateral = (self.pelvis.hip - self.pelvis.origin).dot(&self.pelvis.w);
         let middle = self.pelvis.hip - lateral * self.pelvis.w;
         Some([
-            [foot.R * self.foot.u, at(&foot, &self.foot.ankle), at(&foot, &self.foot.toe), foot.R * self.foot.w],
+            [
+                foot.R * self.foot.u,
+                at(&foot, &self.foot.ankle),
+                at(&foot, &self.foot.toe),
+                foot.R * self.foot.w,
+            ],
             [
                 shank.R * self.shank.u,
                 at(&shank, &self.shank.knee),

@@ -25,6 +25,10 @@ const TOLERANCE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
 /// Largest rotation of a segment in one step \[rad\].
 const LARGEST_TURN: f64 = 0.5;
+/// The downhill approach: steps at most, residual at which Newton takes over, damping of the unknowns.
+const APPROACH_ITERATIONS: usize = 100;
+const APPROACH_TOLERANCE: f64 = 1e-4;
+const APPROACH_DAMPING: f64 = 1e-3;
 /// Smallest eigenvalue of the Hessian on the joint motions, per marker-metre², below which the markers do not fix the
 /// posture: 5 mm of marker error would turn a segment by more than 9 degrees.
 const LEAST_STIFFNESS: f64 = 1e-3;
@@ -69,13 +73,16 @@ fn fit_chunk(
             let distance = |k: &usize| k.abs_diff(frame);
             (0..starts.len()).filter(|&k| starts[k].is_some()).min_by_key(distance).and_then(|k| starts[k])
         };
+        let candidates = [previous, starts[frame], nearest()];
         let mut attempt = None;
-        for start in [previous, starts[frame], nearest()].into_iter().flatten() {
-            let result = solver.fit(&targets, &start);
-            let fitted = result.is_ok();
-            attempt = Some(result);
-            if fitted {
-                break;
+        'attempts: for approach in [false, true] {
+            for start in candidates.iter().flatten() {
+                let result = solver.fit(&targets, start, approach);
+                let fitted = result.is_ok();
+                attempt = Some(result);
+                if fitted {
+                    break 'attempts;
+                }
             }
         }
         let result = attempt.unwrap_or_else(|| {
@@ -113,6 +120,13 @@ struct Solver<'a> {
     rhs: DVector<f64>,
 }
 
+/// Which second derivatives the Newton matrix holds.
+#[derive(Clone, Copy, PartialEq)]
+enum Curvature {
+    Exact,
+    GaussNewton,
+}
+
 type Blocks = SMatrix<f64, N_BLOCKS, N_BLOCKS>;
 type Gradient = [Vector3<f64>; N_BLOCKS];
 
@@ -123,10 +137,12 @@ impl<'a> Solver<'a> {
         Solver { model, m, local, matrix: DMatrix::zeros(30 + m, 30 + m), rhs: DVector::zeros(30 + m) }
     }
 
+    /// `approach`: walk downhill before Newton, for starts outside its basin.
     fn fit(
         &mut self,
         targets: &[Option<Vector3<f64>>],
         start: &Coordinates,
+        approach: bool,
     ) -> Result<FittedFrame, FitVerdict> {
         let mut poses = SegmentId::ALL.map(|s| self.model.pose(s, start));
         let mut lambda = DVector::zeros(self.m);
@@ -139,34 +155,90 @@ impl<'a> Solver<'a> {
             residual: f64::INFINITY,
             constraint: f64::INFINITY,
         };
-        let mut Q = *start;
+        if approach {
+            verdict.iterations +=
+                self.approach(targets, &mut poses, &mut lambda, &marker_hessian, &marker_load);
+        }
+        let (limit, mut Q) = (verdict.iterations + MAX_ITERATIONS, *start);
         loop {
-            for segment in SegmentId::ALL {
-                self.model.shapes[segment.index()].write(segment, &poses[segment.index()], &mut Q);
-            }
-            self.assemble(&Q, &poses, &lambda, &marker_hessian, &marker_load);
+            self.write(&poses, &mut Q);
+            self.assemble(&Q, &poses, &lambda, &marker_hessian, &marker_load, Curvature::Exact);
             verdict.residual = self.rhs.norm();
             if !verdict.residual.is_finite() || verdict.residual < TOLERANCE {
                 break;
             }
-            if verdict.iterations == MAX_ITERATIONS {
+            if verdict.iterations == limit {
                 break;
             }
             verdict.iterations += 1;
-            let matrix = std::mem::replace(&mut self.matrix, DMatrix::zeros(0, 0));
-            let lu = matrix.lu();
-            let solved = lu.solve_mut(&mut self.rhs);
-            self.matrix = DMatrix::zeros(30 + self.m, 30 + self.m);
-            if !solved {
+            if !self.solve() {
                 verdict.residual = f64::NAN;
                 break;
             }
-            self.step(&mut poses, &mut lambda);
+            self.step(&mut poses, &mut lambda, 1.0);
         }
         verdict.constraint = self.constraint(&Q);
         verdict.marker_rms = marker_rms(self.model, &Q, targets);
         verdict.failure = self.failure(&verdict, &Q);
         if verdict.failure.is_some() { Err(verdict) } else { Ok(FittedFrame { Q, verdict }) }
+    }
+
+    /// Sequential quadratic steps with the positive definite Gauss-Newton Hessian and a line search on the merit
+    /// ½ Σ |r|² + μ Σ |φ|. Slower than Newton, but it descends from far away.
+    fn approach(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        poses: &mut [Pose; 5],
+        lambda: &mut DVector<f64>,
+        marker_hessian: &Blocks,
+        marker_load: &Gradient,
+    ) -> usize {
+        let mut Q = Coordinates::zeros();
+        for iteration in 0..APPROACH_ITERATIONS {
+            self.write(poses, &mut Q);
+            self.assemble(&Q, poses, lambda, marker_hessian, marker_load, Curvature::GaussNewton);
+            if self.rhs.norm() < APPROACH_TOLERANCE || !self.solve() {
+                return iteration;
+            }
+            let weight =
+                0.1 + 2.0 * (0..self.m).map(|k| (lambda[k] + self.rhs[30 + k]).abs()).fold(0.0, f64::max);
+            let merit = |Q: &Coordinates| {
+                let phi = joint_residual(&self.model.equations, Q);
+                let distance = |(marker, target): (&crate::model::ModelMarker, &Option<Vector3<f64>>)| {
+                    target.map_or(0.0, |t| (marker.position.at(Q) - t).norm_squared())
+                };
+                let markers: f64 = self.model.markers.iter().zip(targets).map(distance).sum();
+                0.5 * markers + weight * phi.iter().map(|v| v.abs()).sum::<f64>()
+            };
+            let before = merit(&Q);
+            let mut share = 1.0;
+            let (poses_before, lambda_before) = (*poses, lambda.clone());
+            loop {
+                self.step(poses, lambda, share);
+                self.write(poses, &mut Q);
+                if merit(&Q) < before || share < 1e-3 {
+                    break;
+                }
+                share *= 0.5;
+                *poses = poses_before;
+                lambda.copy_from(&lambda_before);
+            }
+        }
+        APPROACH_ITERATIONS
+    }
+
+    fn write(&self, poses: &[Pose; 5], Q: &mut Coordinates) {
+        for segment in SegmentId::ALL {
+            self.model.shapes[segment.index()].write(segment, &poses[segment.index()], Q);
+        }
+    }
+
+    /// Overwrites `rhs` with the solution; `false` when the matrix is singular.
+    fn solve(&mut self) -> bool {
+        let matrix = std::mem::replace(&mut self.matrix, DMatrix::zeros(0, 0));
+        let solved = matrix.lu().solve_mut(&mut self.rhs);
+        self.matrix = DMatrix::zeros(30 + self.m, 30 + self.m);
+        solved
     }
 
     /// Σ n nᵀ over the seen markers, and Σ n r.
@@ -193,7 +265,9 @@ impl<'a> Solver<'a> {
         lambda: &DVector<f64>,
         marker_hessian: &Blocks,
         marker_load: &Gradient,
+        curvature: Curvature,
     ) {
+        let exact = curvature == Curvature::Exact;
         let mut S = *marker_hessian;
         let mut gradient: Gradient = std::array::from_fn(|i| {
             let segment = i / 4 * 4;
@@ -218,8 +292,10 @@ impl<'a> Solver<'a> {
                     self.matrix[(r, column + 3 + c)] += origin * d[c];
                 }
             });
-            let multiplier = lambda[row];
-            equation.hessian(&mut |i, j, k| S[(i, j)] += multiplier * k);
+            if exact {
+                let multiplier = lambda[row];
+                equation.hessian(&mut |i, j, k| S[(i, j)] += multiplier * k);
+            }
             row += equation.n_rows();
         }
         for r in 30..30 + self.m {
@@ -236,9 +312,11 @@ impl<'a> Solver<'a> {
                 self.rhs[base + c] -= turn[c];
                 self.rhs[base + 3 + c] -= origin * g[c];
             }
-            // g · (½ ω × (ω × e)): curvature of the rotation.
-            let curvature = 0.5 * (e * g.transpose() + g * e.transpose()) - Matrix3::identity() * e.dot(&g);
-            self.add(base, base, &curvature);
+            if exact {
+                // g · (½ ω × (ω × e)): curvature of the rotation.
+                let bend = 0.5 * (e * g.transpose() + g * e.transpose()) - Matrix3::identity() * e.dot(&g);
+                self.add(base, base, &bend);
+            }
             for j in 0..N_BLOCKS {
                 let s = S[(i, j)];
                 if s != 0.0 {
@@ -248,6 +326,9 @@ impl<'a> Solver<'a> {
         }
         for (k, value) in phi.iter().enumerate() {
             self.rhs[30 + k] = -value;
+        }
+        if !exact {
+            (0..30).for_each(|k| self.matrix[(k, k)] += APPROACH_DAMPING);
         }
     }
 
@@ -282,10 +363,11 @@ impl<'a> Solver<'a> {
         }
     }
 
-    fn step(&self, poses: &mut [Pose; 5], lambda: &mut DVector<f64>) {
+    /// Moves by `share` of the solution in `rhs`, less where a segment would turn too far.
+    fn step(&self, poses: &mut [Pose; 5], lambda: &mut DVector<f64>, share: f64) {
         let turn = |k: usize| Vector3::from(self.rhs.fixed_rows::<3>(6 * k));
         let largest = (0..5).map(|k| turn(k).norm()).fold(0.0, f64::max);
-        let share = if largest > LARGEST_TURN { LARGEST_TURN / largest } else { 1.0 };
+        let share = share * if largest > LARGEST_TURN { LARGEST_TURN / largest } else { 1.0 };
         for (k, pose) in poses.iter_mut().enumerate() {
             pose.R = rotation(&(share * turn(k))) * pose.R;
             pose.p += share * Vector3::from(self.rhs.fixed_rows::<3>(6 * k + 3));
@@ -299,9 +381,7 @@ impl<'a> Solver<'a> {
         let mut phi = Vec::with_capacity(self.m);
         self.model.equations.iter().for_each(|e| e.residual(Q, &mut phi));
         let joints = phi.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        SegmentId::ALL
-            .iter()
-            .fold(joints, |m, s| m.max(self.model.shapes[s.index()].rigid_residual(*s, Q)))
+        SegmentId::ALL.iter().fold(joints, |m, s| m.max(self.model.shapes[s.index()].rigid_residual(*s, Q)))
     }
 
     fn failure(&self, verdict: &FitVerdict, Q: &Coordinates) -> Option<String> {
@@ -315,11 +395,13 @@ impl<'a> Solver<'a> {
         let patella = block(Q, SegmentId::Patella.block(1));
         let forward = (patella - knee).dot(&thigh_pose.R.column(0));
         if forward < 0.0 {
-            return Some(format!("marker fit ended with the patella {:.0} mm behind the knee", -1e3 * forward));
+            return Some(format!(
+                "marker fit ended with the patella {:.0} mm behind the knee",
+                -1e3 * forward
+            ));
         }
         if [foot, shank, thigh, pelvis].iter().any(|&n| n < 3) {
-            let stiffness = self.least_stiffness(Q, verdict);
-            if stiffness < LEAST_STIFFNESS {
+            if self.least_stiffness() < LEAST_STIFFNESS {
                 return Some(format!("the seen markers do not fix the posture; {seen}"));
             }
         }
@@ -327,10 +409,8 @@ impl<'a> Solver<'a> {
     }
 
     /// Smallest eigenvalue of the Gauss-Newton Hessian of the seen markers on the motions that the joints allow.
-    fn least_stiffness(&self, Q: &Coordinates, verdict: &FitVerdict) -> f64 {
-        debug_assert!(verdict.residual < TOLERANCE);
+    fn least_stiffness(&self) -> f64 {
         // The Newton matrix was assembled last at the solution: [H Cᵀ; C 0].
-        let _ = Q;
         let C = self.matrix.view((30, 0), (self.m, 30)).into_owned();
         let H = self.matrix.view((0, 0), (30, 30)).into_owned();
         let eigen = (C.transpose() * &C).symmetric_eigen();
@@ -388,7 +468,8 @@ fn fill_failed(model: &Model, frames: Vec<Result<FittedFrame, FitVerdict>>) -> V
                 };
                 // Fit the model's own markers at the guess: the nearest posture that the joints allow.
                 let targets: Vec<_> = model.markers.iter().map(|m| Some(m.position.at(&guess))).collect();
-                let Q = match guess.iter().all(|v| v.is_finite()).then(|| solver.fit(&targets, &guess)) {
+                let Q = match guess.iter().all(|v| v.is_finite()).then(|| solver.fit(&targets, &guess, false))
+                {
                     Some(Ok(frame)) => frame.Q,
                     _ => guess,
                 };

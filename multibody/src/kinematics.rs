@@ -70,7 +70,9 @@ pub fn coupled_knee(flexion: f64) -> ((f64, f64), Vector3<f64>) {
 /// Rz(z) Rx(x) Ry(y), angles in rad.
 pub fn zxy(z: f64, x: f64, y: f64) -> Matrix3<f64> {
     use crate::anatomy::rotation;
-    rotation(&Vector3::new(0.0, 0.0, z)) * rotation(&Vector3::new(x, 0.0, 0.0)) * rotation(&Vector3::new(0.0, y, 0.0))
+    rotation(&Vector3::new(0.0, 0.0, z))
+        * rotation(&Vector3::new(x, 0.0, 0.0))
+        * rotation(&Vector3::new(0.0, y, 0.0))
 }
 
 /// Names of the joint angles, in the order of [`joint_angles`].
@@ -106,8 +108,8 @@ pub fn joint_angles(shapes: &[Shape; 5], Q: &Coordinates) -> [f64; 13] {
     let patella = zxy_angles(&(thigh.transpose() * R(SegmentId::Patella)));
     let trunk = zxy_angles(&pelvis);
     [
-        hip.0, hip.1, hip.2, -knee.0, knee.1, knee.2, ankle.0, ankle.1, ankle.2, -patella.0, trunk.0, trunk.1,
-        trunk.2,
+        hip.0, hip.1, hip.2, -knee.0, knee.1, knee.2, ankle.0, ankle.1, ankle.2, -patella.0, trunk.0,
+        trunk.1, trunk.2,
     ]
 }
 

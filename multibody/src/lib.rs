@@ -6,13 +6,17 @@
 
 pub mod anatomy;
 pub mod calibration;
+pub mod dynamics;
+pub mod equilibrium;
 pub mod filter;
 pub mod ik;
 pub mod joint;
 pub mod kinematics;
 pub mod model;
+pub mod motion;
 pub mod muscle;
 pub mod natural;
 pub mod tables;
+pub mod tangent;
 pub mod trial;
 pub mod walker;

@@ -100,11 +100,8 @@ impl Model {
     /// Builds the model from the marker-based postures of the reported frames: lengths, angles and local marker
     /// positions are means over those frames.
     pub fn new(trial: &Trial, anatomy: Anatomy, ankle: Ankle) -> Result<Model, ModelError> {
-        let postures: Vec<(usize, [SegmentPosture; 4])> = trial
-            .report
-            .clone()
-            .filter_map(|frame| Some((frame, anatomy.posture(trial, frame)?)))
-            .collect();
+        let postures: Vec<(usize, [SegmentPosture; 4])> =
+            trial.report.clone().filter_map(|frame| Some((frame, anatomy.posture(trial, frame)?))).collect();
         if postures.is_empty() {
             return Err(no_posture(trial));
         }
@@ -349,6 +346,7 @@ pub fn inertia(id: SegmentId, shape: &Shape, mass: f64, com: Vector3<f64>, tenso
     let linear = nalgebra::Matrix4x3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0);
     let constant = nalgebra::Vector4::new(0.0, 1.0, 0.0, 0.0);
     let cross = linear * n * constant.transpose();
-    let G = linear * J * linear.transpose() + cross + cross.transpose() + mass * constant * constant.transpose();
+    let G =
+        linear * J * linear.transpose() + cross + cross.transpose() + mass * constant * constant.transpose();
     Inertia { mass, com, tensor, G, centre: shape.point(id, &com, End::Proximal) }
 }

@@ -130,17 +130,7 @@ impl Shape {
         let sin_gamma = (1.0 - self.cos_gamma * self.cos_gamma).sqrt();
         let q = (self.cos_alpha - self.cos_beta * self.cos_gamma) / sin_gamma;
         let z = (1.0 - self.cos_beta * self.cos_beta - q * q).sqrt();
-        Matrix3::new(
-            1.0,
-            self.L * self.cos_gamma,
-            self.cos_beta,
-            0.0,
-            self.L * sin_gamma,
-            q,
-            0.0,
-            0.0,
-            z,
-        )
+        Matrix3::new(1.0, self.L * self.cos_gamma, self.cos_beta, 0.0, self.L * sin_gamma, q, 0.0, 0.0, z)
     }
 
     /// Coefficients n = B⁻¹ c of an SCS vector.
@@ -166,12 +156,7 @@ impl Shape {
     /// u, rP, rD, w at a pose: the local vectors ℓ and whether the origin is added, for each block.
     pub fn local_blocks(&self) -> [(Vector3<f64>, f64); 4] {
         let B = self.basis();
-        [
-            (B.column(0).into(), 0.0),
-            (Vector3::zeros(), 1.0),
-            (-B.column(1), 1.0),
-            (B.column(2).into(), 0.0),
-        ]
+        [(B.column(0).into(), 0.0), (Vector3::zeros(), 1.0), (-B.column(1), 1.0), (B.column(2).into(), 0.0)]
     }
 
     /// Pose of the segment in Q; exact when Q satisfies the rigid-body equations.

@@ -62,6 +62,17 @@ pub struct GroundReaction {
     pub moment: Vec<Vector3<f64>>,
 }
 
+/// Low-pass filters of a trial.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Filters {
+    /// Cut-off for velocities and accelerations \[Hz\], applied after each differentiation.
+    pub motion_hz: f64,
+    /// Cut-off for ground force and moment \[Hz\]; `None` leaves them as they are.
+    pub force_hz: Option<f64>,
+    /// Vertical force below which there is no contact \[N\].
+    pub contact_threshold: f64,
+}
+
 /// One recorded or synthesised trial, ready for the marker fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {

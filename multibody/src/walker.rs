@@ -105,16 +105,14 @@ fn poses(row: &HashMap<String, String>, anatomy: &Anatomy, advance: f64, knee: K
     let angle = |c: &str| get(&format!("{prefix}{c}_deg"));
     let origin = Vector3::new(get("pelvis_x_m") + advance, get("pelvis_y_m"), get("pelvis_z_m"));
     let pelvis = zxy(get("pelvis_tilt_deg"), get("pelvis_obliquity_deg"), get("pelvis_rotation_deg"));
-    let thigh =
-        pelvis * zxy(angle("hip_flexion"), angle("hip_adduction"), angle("hip_internal_rotation"));
+    let thigh = pelvis * zxy(angle("hip_flexion"), angle("hip_adduction"), angle("hip_internal_rotation"));
     let hip = origin + pelvis * anatomy.pelvis.hip;
     let shift = match knee {
         Knee::Hinge => Vector3::zeros(),
         Knee::Coupled => crate::kinematics::coupled_knee(angle("knee_flexion").to_radians()).1,
     };
     let knee_centre = hip + thigh * (anatomy.thigh.knee + shift);
-    let shank =
-        thigh * zxy(-angle("knee_flexion"), angle("knee_adduction"), angle("knee_internal_rotation"));
+    let shank = thigh * zxy(-angle("knee_flexion"), angle("knee_adduction"), angle("knee_internal_rotation"));
     let ankle = knee_centre + shank * anatomy.shank.ankle;
     let foot =
         shank * zxy(angle("ankle_dorsiflexion"), angle("ankle_inversion"), angle("ankle_internal_rotation"));

@@ -21,7 +21,9 @@ pub enum TableError {
         what: String,
     },
     /// A landmark is missing.
-    #[error("the table lacks `{item}` of the {segment}; add a row `{item},…,{segment},…` with its coordinates in m")]
+    #[error(
+        "the table lacks `{item}` of the {segment}; add a row `{item},…,{segment},…` with its coordinates in m"
+    )]
     Missing {
         /// Item that is missing.
         item: String,
@@ -50,7 +52,12 @@ pub fn read(text: &str) -> Result<Vec<TableItem>, TableError> {
     let headers = reader.headers().map_err(|e| row_error(1, e.to_string()))?.clone();
     let column = |name: &str| {
         headers.iter().position(|h| h == name).ok_or_else(|| {
-            row_error(1, format!("column `{name}` is missing; the header must name item, kind, segment, x_or_value, y, z"))
+            row_error(
+                1,
+                format!(
+                    "column `{name}` is missing; the header must name item, kind, segment, x_or_value, y, z"
+                ),
+            )
         })
     };
     let (item, kind, segment) = (column("item")?, column("kind")?, column("segment")?);
@@ -65,15 +72,27 @@ pub fn read(text: &str) -> Result<Vec<TableItem>, TableError> {
         if record[segment].trim().is_empty() {
             continue;
         }
-        let id = SegmentId::ALL
-            .into_iter()
-            .find(|s| s.name() == record[segment].trim())
-            .ok_or_else(|| row_error(line, format!("unknown segment `{}`; known: pelvis, thigh, patella, shank, foot", &record[segment])))?;
+        let id =
+            SegmentId::ALL.into_iter().find(|s| s.name() == record[segment].trim()).ok_or_else(|| {
+                row_error(
+                    line,
+                    format!(
+                        "unknown segment `{}`; known: pelvis, thigh, patella, shank, foot",
+                        &record[segment]
+                    ),
+                )
+            })?;
         let mut xyz = [0.0; 3];
         for (value, &c) in xyz.iter_mut().zip(&position) {
-            *value = record[c].trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() < 3.0).ok_or_else(|| {
-                row_error(line, format!("`{}` is no coordinate in m (a number between -3 and 3)", &record[c]))
-            })?;
+            *value =
+                record[c].trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() < 3.0).ok_or_else(
+                    || {
+                        row_error(
+                            line,
+                            format!("`{}` is no coordinate in m (a number between -3 and 3)", &record[c]),
+                        )
+                    },
+                )?;
         }
         items.push(TableItem {
             item: record[item].trim().to_string(),

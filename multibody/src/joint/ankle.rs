@@ -38,9 +38,8 @@ pub fn parallel(table: &JointTable, shank: &Shape, foot: &Shape, neutral: &Matri
     let shift = shank.L / GENERIC_SHANK_SHIFT
         * table.point("ankle_parallel", "optional shift added to all six ankle points");
     let item = |name: &str| table.point("ankle_parallel", name) + shift;
-    let on_shank = |name: &str| {
-        shank.point(SegmentId::Shank, &item(&format!("{name} (shank side)")), End::Distal)
-    };
+    let on_shank =
+        |name: &str| shank.point(SegmentId::Shank, &item(&format!("{name} (shank side)")), End::Distal);
     let on_foot = |name: &str| {
         let c: Vector3<f64> = neutral.transpose() * item(&format!("{name} (foot side)"));
         foot.point(SegmentId::Foot, &c, End::Proximal)

@@ -107,8 +107,8 @@ pub fn muscles(shapes: &[Shape; 5], hip: &Vector3<f64>) -> Vec<Muscle> {
             }
             // From the calcaneus frame to the talus and to the malleoli.
             ("foot", _) => {
-                let shift =
-                    Vector3::new(-0.04877, -0.04195, 0.00792) + Vector3::new(0.0, GENERIC_SHANK - 0.4260, 0.0);
+                let shift = Vector3::new(-0.04877, -0.04195, 0.00792)
+                    + Vector3::new(0.0, GENERIC_SHANK - 0.4260, 0.0);
                 (SegmentId::Foot, s_shank * (c + shift), End::Proximal)
             }
             (segment, anchor) => panic!("muscle_points.csv: segment `{segment}` anchored at `{anchor}`"),
