@@ -25,3 +25,38 @@ pub fn taylor_order(f: impl Fn(f64) -> f64, slope: f64, h: f64) -> f64 {
     }
     (r0 / r1).log2().min((r1 / r2).log2()) // twice: no pass by cancellation
 }
+
+/// A small seeded generator (SplitMix64), so that random cases repeat exactly.
+pub struct Random(u64);
+
+impl Random {
+    /// Generator of a seed.
+    pub fn new(seed: u64) -> Random {
+        Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+
+    /// Next 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in −1..1.
+    pub fn uniform(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// Standard normal (Box-Muller).
+    pub fn normal(&mut self) -> f64 {
+        let (a, b) = (0.5 * (self.uniform() + 1.0), self.uniform());
+        (-2.0 * a.max(1e-300).ln()).sqrt() * (std::f64::consts::PI * b).cos()
+    }
+
+    /// Three components uniform in −size..size.
+    pub fn vector(&mut self, size: f64) -> nalgebra::Vector3<f64> {
+        nalgebra::Vector3::new(self.uniform(), self.uniform(), self.uniform()) * size
+    }
+}
