@@ -8,6 +8,7 @@ pub mod anatomy;
 pub mod calibration;
 pub mod dynamics;
 pub mod equilibrium;
+pub mod error;
 pub mod filter;
 pub mod ik;
 pub mod joint;
@@ -16,7 +17,10 @@ pub mod model;
 pub mod motion;
 pub mod muscle;
 pub mod natural;
+pub mod read;
 pub mod tables;
 pub mod tangent;
 pub mod trial;
 pub mod walker;
+
+pub use error::InputError;

@@ -1,5 +1,7 @@
 //! Helpers shared by the tests of the workspace.
 
+pub mod c3d_file;
+
 use std::path::PathBuf;
 
 /// A file or folder under `../shared`, the read-only reference material beside the repository.

@@ -1,0 +1,115 @@
+//! What a file is and whether it is good, in one paragraph.
+
+use std::path::Path;
+
+use super::{MarkerRecording, TimeSeries, c3d, ending, read_series, read_trc};
+use crate::error::InputError;
+
+/// Reads a file of any kind that the program takes and says what it holds.
+///
+/// A trial file is read with everything it refers to; `data` is the folder of the recordings.
+pub fn check(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
+    let _ = data;
+    match ending(path).as_str() {
+        "c3d" => {
+            let file = c3d::read(path)?;
+            let mut text = format!("C3D file. {}", markers(&file.markers));
+            if !file.analog.names.is_empty() {
+                text += &format!(
+                    " {} analog channels at {} Hz ({}).",
+                    file.analog.names.len(),
+                    file.analog.rate_hz,
+                    file.analog.names.join(", ")
+                );
+            }
+            for plate in &file.plates {
+                let c = plate.centre();
+                text += &format!(
+                    " Force plate {} (type {}) at ({:.3}, {:.3}, {:.3}) m",
+                    plate.number, plate.kind, c.x, c.y, c.z
+                );
+                match plate.loads(path, &file.analog) {
+                    Ok(loads) => {
+                        let peak = loads.iter().map(|l| -l.force.z).fold(0.0, f64::max);
+                        text += &format!(", up to {peak:.0} N upwards.");
+                    }
+                    Err(error) => text += &format!(", not usable: {error}."),
+                }
+            }
+            for note in &file.notes {
+                text += &format!(" Note: {note}.");
+            }
+            Ok(text)
+        }
+        "trc" => Ok(format!("TRC file. {}", markers(&read_trc(path)?))),
+        "sto" | "mot" => Ok(format!("Storage file. {}", series(&read_series(path)?))),
+        "csv" => Ok(format!("Table. {}", series(&read_series(path)?))),
+        _ => Err(InputError::UnknownKind {
+            file: path.to_path_buf(),
+            wanted: ".c3d, .trc, .sto, .mot, .csv, .toml",
+        }),
+    }
+}
+
+fn markers(recording: &MarkerRecording) -> String {
+    let frames = recording.time.len();
+    let mut text = format!(
+        "{} markers in {frames} frames at {} Hz, {:.4} to {:.4} s, first frame {}, written in {}.",
+        recording.names.len(),
+        recording.rate_hz,
+        recording.time.first().unwrap_or(&f64::NAN),
+        recording.time.last().unwrap_or(&f64::NAN),
+        recording.first_frame,
+        recording.file_unit
+    );
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for place in recording.position.iter().flatten().flatten() {
+        for k in 0..3 {
+            low[k] = low[k].min(place[k]);
+            high[k] = high[k].max(place[k]);
+        }
+    }
+    if low[0].is_finite() {
+        let range = |k: usize| format!("{:.3} to {:.3}", low[k], high[k]);
+        text += &format!(" Positions: x {}, y {}, z {} m.", range(0), range(1), range(2));
+    }
+    let count = |wanted: fn(&Option<nalgebra::Vector3<f64>>) -> bool, path: &[Option<_>]| {
+        path.iter().filter(|p| wanted(p)).count()
+    };
+    let mut gaps = Vec::new();
+    let mut zeros = 0;
+    for (name, path) in recording.names.iter().zip(&recording.position) {
+        match count(|p| p.is_none(), path) {
+            0 => {}
+            n if n == frames => gaps.push(format!("{name} never seen")),
+            n => gaps.push(format!("{name} {n} frames")),
+        }
+        zeros += usize::from(count(|p| *p == Some(nalgebra::Vector3::zeros()), path) > 0);
+    }
+    text += &if gaps.is_empty() { " No gaps.".to_string() } else { format!(" Gaps: {}.", gaps.join(", ")) };
+    if zeros > 0 {
+        text += &format!(" {zeros} markers hold exact zeros, which may mean missing (`zeros_missing`).");
+    }
+    text
+}
+
+fn series(table: &TimeSeries) -> String {
+    let (first, last) =
+        (table.time.first().copied().unwrap_or(f64::NAN), table.time.last().copied().unwrap_or(f64::NAN));
+    let rate = (table.time.len() - 1) as f64 / (last - first);
+    let mut text = format!(
+        "{} columns besides time, {} rows, {first:.4} to {last:.4} s",
+        table.columns.len(),
+        table.time.len()
+    );
+    if rate.is_finite() {
+        text += &format!(", {rate:.1} Hz on average");
+    }
+    text += if table.in_degrees { ", rotations in degrees." } else { "." };
+    let ranges = table.columns.iter().zip(&table.values).map(|(name, v)| {
+        let (low, high) =
+            v.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+        format!("{name} {low:.4} to {high:.4}")
+    });
+    text + " " + &ranges.collect::<Vec<_>>().join(", ") + "."
+}
