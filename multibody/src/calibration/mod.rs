@@ -1,3 +1,130 @@
 //! Sources of landmarks; each ends in an [`Anatomy`](crate::anatomy::Anatomy).
 
+#![allow(non_snake_case)]
+
+pub mod clusters;
+pub mod functional;
+pub mod markers;
 pub mod table;
+
+use nalgebra::{Matrix3, Vector3};
+use thiserror::Error;
+
+use crate::anatomy::{Cluster, PelvisAxes};
+use crate::natural::{Pose, SegmentId};
+use crate::trial::{MarkerTrack, Sex};
+
+/// Where the hip centre is taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HipCentre {
+    /// Regression of Dumas & Wojtusch 2018 on the pelvis width (`pelvis_centres.csv`).
+    Regression,
+    /// Harrington et al. 2007, J Biomech 40:595, on pelvis width and depth, as commonly quoted.
+    Harrington,
+    /// Given, from the midpoint of the ASISs in pelvis axes \[m\].
+    Given(Vector3<f64>),
+}
+
+/// A named point followed over the frames of a recording; `None` where it was not seen.
+pub type Path = Vec<Option<Vector3<f64>>>;
+
+/// Why landmarks cannot be had from a recording.
+#[derive(Debug, Error, PartialEq)]
+pub enum CalibrationError {
+    /// A segment shows fewer than three markers.
+    #[error("no frame shows three markers of the {segment} that are not on a line; name more of its markers")]
+    Cluster {
+        /// Segment.
+        segment: &'static str,
+    },
+    /// A landmark is not seen together with the cluster of its segment.
+    #[error(
+        "landmark `{landmark}` is never seen together with three markers of the {segment}; \
+         check its marker name, or take landmarks from a table"
+    )]
+    Landmark {
+        /// Landmark.
+        landmark: &'static str,
+        /// Segment.
+        segment: &'static str,
+    },
+    /// Too little motion for a functional calibration.
+    #[error(
+        "the {joint} turns by only {range_deg:.0} degrees in the calibration files; \
+         a functional calibration needs at least {needed_deg:.0}"
+    )]
+    Range {
+        /// Joint.
+        joint: &'static str,
+        /// Range that was found \[deg\].
+        range_deg: f64,
+        /// Range that is needed \[deg\].
+        needed_deg: f64,
+    },
+}
+
+/// The four spines of the pelvis.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spines {
+    /// Anterior superior iliac spine of the leg under study (right once mirrored).
+    pub asis_right: Path,
+    /// The other anterior spine.
+    pub asis_left: Path,
+    /// Posterior spine of the leg under study.
+    pub psis_right: Path,
+    /// The other posterior spine.
+    pub psis_left: Path,
+}
+
+/// Pelvis landmarks in the frame of its cluster.
+pub(crate) fn pelvis(
+    cluster: &Cluster,
+    tracks: &[MarkerTrack],
+    spines: &Spines,
+    hip: HipCentre,
+    sex: Sex,
+) -> Result<PelvisAxes, CalibrationError> {
+    let local = |path: &Path, landmark| {
+        clusters::mean_local(cluster, tracks, SegmentId::Pelvis, path, 0..path.len())
+            .ok_or(CalibrationError::Landmark { landmark, segment: "pelvis" })
+    };
+    let asis = (local(&spines.asis_right, "asis_right")?, local(&spines.asis_left, "asis_left")?);
+    let psis = (local(&spines.psis_right, "psis_right")?, local(&spines.psis_left, "psis_left")?);
+    let (R, origin) = clusters::pelvis_axes(&asis.0, &asis.1, &psis.0, &psis.1);
+    let width = (asis.0 - asis.1).norm();
+    let depth = (0.5 * (psis.0 + psis.1) - origin).norm();
+    let sex = match sex {
+        Sex::Male => "male",
+        Sex::Female => "female",
+    };
+    let lumbar = width * crate::tables::pelvis_centre("lumbar", sex);
+    let hip = match hip {
+        HipCentre::Regression => width * crate::tables::pelvis_centre("hip_right", sex),
+        HipCentre::Harrington => harrington(width, depth),
+        HipCentre::Given(c) => c,
+    };
+    Ok(PelvisAxes {
+        u: R.column(0).into(),
+        w: R.column(2).into(),
+        lumbar: origin + R * lumbar,
+        hip: origin + R * hip,
+        width,
+        origin,
+    })
+}
+
+/// Hip centre from the midpoint of the ASISs in pelvis axes \[m\]; `width` of the ASISs and `depth` between the midpoints of
+/// ASISs and PSISs \[m\].
+pub fn harrington(width: f64, depth: f64) -> Vector3<f64> {
+    Vector3::new(-0.24 * depth - 0.0099, -0.30 * width - 0.0109, 0.33 * width + 0.0073)
+}
+
+/// Pose of a frame given by axes and origin, inverse applied to a point.
+pub(crate) fn into_local(pose: &Pose, point: &Vector3<f64>) -> Vector3<f64> {
+    pose.R.transpose() * (point - pose.p)
+}
+
+/// Relative pose of `b` in `a`.
+pub(crate) fn relative(a: &Pose, b: &Pose) -> (Matrix3<f64>, Vector3<f64>) {
+    (a.R.transpose() * b.R, into_local(a, &b.p))
+}
