@@ -1,7 +1,7 @@
 //! The rigid lower limb: from markers and ground reaction to muscle forces and activations.
 //!
 //! The road: a [`trial::Trial`] is fitted ([`ik`]) to a [`model::Model`] under its joint equations and becomes a
-//! [`trial::Motion`]; [`dynamics`] turns that into [`trial::Loads`]; force sharing turns those into a [`trial::Effort`].
+//! [`trial::Motion`]; [`dynamics`] turns that into [`trial::Loads`]; [`sharing`] turns those into a [`trial::Effort`].
 //! Everything past the readers is SI, in ground axes X forward, Y up, Z to the right, and a right leg.
 
 pub mod anatomy;
@@ -18,6 +18,7 @@ pub mod motion;
 pub mod muscle;
 pub mod natural;
 pub mod read;
+pub mod sharing;
 pub mod tables;
 pub mod tangent;
 pub mod trial;

@@ -1,6 +1,8 @@
 //! Helpers shared by the tests of the workspace.
 
 pub mod c3d_file;
+pub mod goldfarb_idnani;
+pub mod sharing_problems;
 
 use std::path::PathBuf;
 
