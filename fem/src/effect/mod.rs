@@ -1,0 +1,79 @@
+//! Effects: the additive parts of the potential Π(x) of the thigh.
+//!
+//! Each effect is an energy with its gradient and Hessian over the current node positions; the solver sees their sum.
+
+#![allow(non_snake_case)]
+
+pub mod line;
+pub mod load;
+pub mod solid;
+
+pub use line::Lines;
+pub use load::DeadLoad;
+pub use solid::Solid;
+
+/// Where the nodes are and what drives the effects now.
+#[derive(Clone, Copy, Debug)]
+pub struct State<'a> {
+    /// Current node positions \[m\], node-major (x₀y₀z₀x₁…).
+    pub x: &'a [f64],
+    /// Values of the controls (activations, pressures, load factors), in the order of the plan.
+    pub controls: &'a [f64],
+}
+
+/// Position of node `n` \[m\].
+#[inline(always)]
+pub(crate) fn point(x: &[f64], n: u32) -> [f64; 3] {
+    let i = 3 * n as usize;
+    [x[i], x[i + 1], x[i + 2]]
+}
+
+/// Mean of some points.
+pub(crate) fn mean<const N: usize>(X: &[[f64; 3]; N]) -> [f64; 3] {
+    std::array::from_fn(|i| X.iter().map(|p| p[i]).sum::<f64>() / N as f64)
+}
+
+/// Marks an unused place in a group of nodes.
+pub const NO_NODE: u32 = u32::MAX;
+
+/// What an effect stands for in a free-body cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Part {
+    /// Solid elements.
+    Matrix,
+    /// Fibres and strands.
+    Fibre,
+    /// Membranes.
+    Membrane,
+    /// Loads from outside: no internal force.
+    Load,
+}
+
+/// One additive part of the potential: Π(x) is a sum over *groups* of equally many nodes (the elements, say).
+pub trait Effect: Send + Sync {
+    /// Name as in the scene.
+    fn name(&self) -> &str;
+    /// What it counts as in a section force.
+    fn part(&self) -> Part;
+    /// Number m of nodes of each group.
+    fn nodes_per_group(&self) -> usize;
+    /// Nodes of all groups, m after m; [`NO_NODE`] fills up smaller groups.
+    fn nodes(&self) -> &[u32];
+    /// Centroid of a group in the reference configuration \[m\].
+    fn centroid(&self, group: usize) -> [f64; 3];
+    /// Π \[J\]; `+∞` where the state is not admissible.
+    fn energy(&self, s: &State) -> f64;
+    /// Overwrites `out` with ∂Π/∂x \[N\] of groups `first`, `first + 1`, …: 3m values each.
+    fn forces(&self, s: &State, first: usize, out: &mut [f64]);
+    /// Overwrites `out` with ∂²Π/∂x∂x \[N/m\] of groups `first`, `first + 1`, …: 3m × 3m row-major each; `projected`:
+    /// positive semidefinite.
+    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]);
+    /// Whether the Hessian vanishes for good (dead loads), so that it need not be assembled.
+    fn is_linear(&self) -> bool {
+        false
+    }
+    /// Least det F over the quadrature points and the group where it is; `None` where the effect has no volume.
+    fn least_det_f(&self, _s: &State) -> Option<(f64, usize)> {
+        None
+    }
+}

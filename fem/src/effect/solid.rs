@@ -1,0 +1,130 @@
+//! Solid elements of one region and one law.
+
+use super::{Effect, Part, State, mean, point};
+use crate::element::{Formulation, Rule, SolidElement};
+use crate::material::Material;
+use rayon::prelude::*;
+
+/// The law of each element of a region.
+pub trait LawField: Send + Sync {
+    /// Law at one element.
+    type Law: Material;
+    /// Law of element `cell` under the controls of `s`.
+    fn law(&self, cell: usize, s: &State) -> Self::Law;
+}
+
+/// The same law everywhere.
+pub struct Uniform<L>(pub L);
+
+impl<L: Material> LawField for Uniform<L> {
+    type Law = L;
+    #[inline(always)]
+    fn law(&self, _: usize, _: &State) -> L {
+        self.0
+    }
+}
+
+/// Solid elements with `N` nodes and `G` quadrature points.
+pub struct Solid<F, const N: usize, const G: usize> {
+    name: String,
+    field: F,
+    formulation: Formulation,
+    nodes: Vec<[u32; N]>,
+    elements: Vec<SolidElement<N, G>>,
+    centroids: Vec<[f64; 3]>,
+}
+
+/// Least number of elements handed to one task.
+const CHUNK: usize = 64;
+
+impl<F: LawField, const N: usize, const G: usize> Solid<F, N, G> {
+    /// Elements with nodes `nodes` (indices into `points` \[m\]); `Err` names the first element whose reference
+    /// shape is inverted or flat, with its det(∂X/∂ξ).
+    pub fn new(
+        name: &str,
+        field: F,
+        formulation: Formulation,
+        rule: &Rule<N, G, 3>,
+        points: &[[f64; 3]],
+        nodes: Vec<[u32; N]>,
+    ) -> Result<Self, (usize, f64)> {
+        let mut elements = Vec::with_capacity(nodes.len());
+        let mut centroids = Vec::with_capacity(nodes.len());
+        for (cell, n) in nodes.iter().enumerate() {
+            let X = n.map(|n| points[n as usize]);
+            elements.push(SolidElement::new(rule, &X).map_err(|det| (cell, det))?);
+            centroids.push(mean(&X));
+        }
+        Ok(Solid { name: name.to_string(), field, formulation, nodes, elements, centroids })
+    }
+
+    #[inline(always)]
+    fn positions(&self, cell: usize, s: &State) -> [[f64; 3]; N] {
+        self.nodes[cell].map(|n| point(s.x, n))
+    }
+}
+
+impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn part(&self) -> Part {
+        Part::Matrix
+    }
+
+    fn nodes_per_group(&self) -> usize {
+        N
+    }
+
+    fn nodes(&self) -> &[u32] {
+        self.nodes.as_flattened()
+    }
+
+    fn centroid(&self, group: usize) -> [f64; 3] {
+        self.centroids[group]
+    }
+
+    fn energy(&self, s: &State) -> f64 {
+        let energies: Vec<f64> = (0..self.nodes.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|c| self.elements[c].energy(self.formulation, &self.field.law(c, s), &self.positions(c, s)))
+            .collect();
+        energies.iter().sum()
+    }
+
+    fn forces(&self, s: &State, first: usize, out: &mut [f64]) {
+        for (c, out) in (first..).zip(out.chunks_exact_mut(3 * N)) {
+            let law = self.field.law(c, s);
+            let f = self.elements[c].gradient(self.formulation, &law, &self.positions(c, s));
+            out.copy_from_slice(f.as_flattened());
+        }
+    }
+
+    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]) {
+        for (c, out) in (first..).zip(out.chunks_exact_mut(9 * N * N)) {
+            let law = self.field.law(c, s);
+            self.elements[c].hessian(self.formulation, &law, &self.positions(c, s), projected, out);
+        }
+    }
+
+    fn least_det_f(&self, s: &State) -> Option<(f64, usize)> {
+        let least: Vec<f64> = (0..self.nodes.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|c| {
+                let x = self.positions(c, s);
+                let det = |g| self.elements[c].deformation_gradient(g, &x).determinant();
+                (0..G).map(det).fold(f64::INFINITY, f64::min)
+            })
+            .collect();
+        let mut worst = None;
+        for (c, &d) in least.iter().enumerate() {
+            if worst.is_none_or(|(w, _)| d < w || d.is_nan()) {
+                worst = Some((d, c));
+            }
+        }
+        worst
+    }
+}

@@ -1,0 +1,266 @@
+//! Energy, nodal forces and stiffness of one solid element, for any shape and law.
+//!
+//! Plain:            Π = Σ_g w_g ψ(F_g)
+//! Mean dilatation:  Π = Σ_g w_g ψ̂(F_g, θ),   θ = Σ_g w_g det F_g / V
+//!
+//! The second is the three-field element of constant pressure and dilatation with both eliminated; force and
+//! stiffness are the exact derivatives of this energy, so the stiffness is symmetric.
+//! Simo, Taylor & Pister, Comput Methods Appl Mech Eng 1985;51:177.
+
+use crate::element::Rule;
+use crate::element::psd::clamp;
+use crate::material::{Material, Matrix3, Matrix9, add_det_hessian, cofactor};
+
+/// How the volume change enters an element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Formulation {
+    /// At every quadrature point.
+    Plain,
+    /// Through its mean over the element.
+    MeanDilatation,
+}
+
+/// Reference geometry of one element: `N` nodes, `G` quadrature points.
+#[derive(Clone, Debug)]
+pub struct SolidElement<const N: usize, const G: usize> {
+    /// ∂N_a/∂X at each point \[1/m\].
+    pub dn: [[[f64; 3]; N]; G],
+    /// Quadrature weight times det(∂X/∂ξ) at each point \[m³\].
+    pub w: [f64; G],
+    /// Reference volume \[m³\].
+    pub volume: f64,
+}
+
+/// Lower blocks of the stiffness of one element: block (a, b), a ≥ b, holds ∂f_a/∂x_b, entry `3 i + k`.
+type Stiffness<const N: usize> = [[[f64; 9]; N]; N];
+
+impl<const N: usize, const G: usize> SolidElement<N, G> {
+    /// Geometry of the element with reference nodes `X` \[m\]; `Err` holds det(∂X/∂ξ) where it is not positive.
+    pub fn new(rule: &Rule<N, G, 3>, X: &[[f64; 3]; N]) -> Result<Self, f64> {
+        let mut e = SolidElement { dn: [[[0.0; 3]; N]; G], w: [0.0; G], volume: 0.0 };
+        for g in 0..G {
+            let jacobian = contract(X, &rule.dn[g]); // ∂X_i/∂ξ_j
+            let det = jacobian.determinant();
+            if !(det > 0.0) {
+                return Err(det);
+            }
+            let inverse = cofactor(&jacobian) / det; // ∂ξ_j/∂X_i
+            for a in 0..N {
+                let d = inverse * nalgebra::Vector3::from(rule.dn[g][a]);
+                e.dn[g][a] = d.into();
+            }
+            e.w[g] = rule.w[g] * det;
+            e.volume += e.w[g];
+        }
+        Ok(e)
+    }
+
+    /// Deformation gradient at point `g`.
+    #[inline(always)]
+    pub fn deformation_gradient(&self, g: usize, x: &[[f64; 3]; N]) -> Matrix3 {
+        contract(x, &self.dn[g])
+    }
+
+    /// Mean volume ratio θ of the element.
+    #[inline(always)]
+    pub fn dilatation(&self, x: &[[f64; 3]; N]) -> f64 {
+        (0..G).map(|g| self.w[g] * self.deformation_gradient(g, x).determinant()).sum::<f64>() / self.volume
+    }
+
+    /// Π \[J\]; `+∞` where the law is not defined.
+    #[inline(always)]
+    pub fn energy<L: Material>(&self, formulation: Formulation, law: &L, x: &[[f64; 3]; N]) -> f64 {
+        match formulation {
+            Formulation::Plain => {
+                (0..G).map(|g| self.w[g] * law.energy(&self.deformation_gradient(g, x))).sum()
+            }
+            Formulation::MeanDilatation => {
+                let theta = self.dilatation(x);
+                (0..G).map(|g| self.w[g] * law.mixed_energy(&self.deformation_gradient(g, x), theta)).sum()
+            }
+        }
+    }
+
+    /// ∂Π/∂x_a \[N\] per node.
+    #[inline(always)]
+    pub fn gradient<L: Material>(&self, formulation: Formulation, law: &L, x: &[[f64; 3]; N]) -> [[f64; 3]; N] {
+        let mut f = [[0.0; 3]; N];
+        match formulation {
+            Formulation::Plain => {
+                for g in 0..G {
+                    let P = law.stress(&self.deformation_gradient(g, x)) * self.w[g];
+                    scatter(&mut f, &P, &self.dn[g]);
+                }
+            }
+            Formulation::MeanDilatation => {
+                let theta = self.dilatation(x);
+                let mut p = 0.0;
+                for g in 0..G {
+                    let (P, p_g) = law.mixed_stress(&self.deformation_gradient(g, x), theta);
+                    scatter(&mut f, &(P * self.w[g]), &self.dn[g]);
+                    p += self.w[g] * p_g;
+                }
+                p /= self.volume;
+                for g in 0..G {
+                    let cof = cofactor(&self.deformation_gradient(g, x)) * (p * self.w[g]);
+                    scatter(&mut f, &cof, &self.dn[g]);
+                }
+            }
+        }
+        f
+    }
+
+    /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\]; `projected` makes it positive semidefinite, point by
+    /// point.
+    #[inline(always)]
+    pub fn hessian<L: Material>(
+        &self,
+        formulation: Formulation,
+        law: &L,
+        x: &[[f64; 3]; N],
+        projected: bool,
+        out: &mut [f64],
+    ) {
+        let k = &mut [[[0.0; 9]; N]; N];
+        match formulation {
+            Formulation::Plain => {
+                for g in 0..G {
+                    let mut A = law.tangent(&self.deformation_gradient(g, x));
+                    if projected {
+                        project(&mut A);
+                    }
+                    accumulate(k, &A, self.w[g], &self.dn[g]);
+                }
+            }
+            Formulation::MeanDilatation => self.mixed_hessian(law, x, projected, k),
+        }
+        for a in 0..N {
+            for b in 0..=a {
+                for i in 0..3 {
+                    for j in 0..3 {
+                        let (row, column) = (3 * a + i, 3 * b + j);
+                        out[row * 3 * N + column] = k[a][b][3 * i + j];
+                        out[column * 3 * N + row] = k[a][b][3 * i + j];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Lower blocks of the stiffness of the mean-dilatation element:
+    /// Σ w δF:(A + p̄ ∂²J):δF + 2 (Σ w P_θ:δF) δθ + (Σ w p_θ) δθ²,   δθ = Σ w cof F:δF / V,   p̄ = Σ w p / V.
+    #[inline(always)]
+    fn mixed_hessian<L: Material>(&self, law: &L, x: &[[f64; 3]; N], projected: bool, k: &mut Stiffness<N>) {
+        let theta = self.dilatation(x);
+        let F: [Matrix3; G] = std::array::from_fn(|g| self.deformation_gradient(g, x));
+        let mut mixed: [_; G] = std::array::from_fn(|g| law.mixed_tangent(&F[g], theta));
+        let p = (0..G).map(|g| self.w[g] * mixed[g].p).sum::<f64>() / self.volume;
+        let (mut d_theta, mut coupling, mut p_theta) = ([[0.0; 3]; N], [[0.0; 3]; N], 0.0);
+        for g in 0..G {
+            let m = &mut mixed[g];
+            add_det_hessian(&mut m.A, &F[g], p);
+            if projected {
+                project_with_theta(&mut m.A, &mut m.P_theta, &mut m.p_theta);
+            }
+            accumulate(k, &m.A, self.w[g], &self.dn[g]);
+            scatter(&mut d_theta, &(cofactor(&F[g]) * (self.w[g] / self.volume)), &self.dn[g]);
+            scatter(&mut coupling, &(m.P_theta * self.w[g]), &self.dn[g]);
+            p_theta += self.w[g] * m.p_theta;
+        }
+        for a in 0..N {
+            for i in 0..3 {
+                let (t, h) = (d_theta[a][i], coupling[a][i] + p_theta * d_theta[a][i]);
+                for b in 0..=a {
+                    for j in 0..3 {
+                        k[a][b][3 * i + j] += h * d_theta[b][j] + t * coupling[b][j];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Σ_a x_a ⊗ d_a.
+#[inline(always)]
+pub(crate) fn contract<const N: usize>(x: &[[f64; 3]; N], d: &[[f64; 3]; N]) -> Matrix3 {
+    let mut F = [0.0; 9];
+    for a in 0..N {
+        for j in 0..3 {
+            for i in 0..3 {
+                F[i + 3 * j] += x[a][i] * d[a][j];
+            }
+        }
+    }
+    Matrix3::from_column_slice(&F)
+}
+
+/// f_a += P d_a.
+#[inline(always)]
+fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]) {
+    for a in 0..N {
+        for i in 0..3 {
+            f[a][i] += P[(i, 0)] * d[a][0] + P[(i, 1)] * d[a][1] + P[(i, 2)] * d[a][2];
+        }
+    }
+}
+
+/// Lower blocks of Σ w ∂N_a/∂X_j A_ijkl ∂N_b/∂X_l.
+#[inline(always)]
+fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Matrix9, w: f64, d: &[[f64; 3]; N]) {
+    // A reordered so that the nine entries (i, k) of each (j, l) are neighbours: one vector operation each.
+    let mut a = [[[0.0; 9]; 3]; 3];
+    for j in 0..3 {
+        for l in 0..3 {
+            for i in 0..3 {
+                for k in 0..3 {
+                    a[j][l][3 * i + k] = w * A[(i + 3 * j, k + 3 * l)];
+                }
+            }
+        }
+    }
+    for n in 0..N {
+        let mut t = [[0.0; 9]; 3];
+        for j in 0..3 {
+            for c in 0..9 {
+                t[j][c] = a[j][0][c] * d[n][0] + a[j][1][c] * d[n][1] + a[j][2][c] * d[n][2];
+            }
+        }
+        for m in n..N {
+            let block = &mut k[m][n];
+            for c in 0..9 {
+                block[c] += d[m][0] * t[0][c] + d[m][1] * t[1][c] + d[m][2] * t[2][c];
+            }
+        }
+    }
+}
+
+/// [`clamp`] of a material tangent.
+pub fn project(A: &mut Matrix9) {
+    let mut m = A.data.0;
+    if clamp(&mut m) {
+        A.data.0 = m;
+    }
+}
+
+/// [`clamp`] of the 10×10 matrix over (F, θ).
+fn project_with_theta(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64) {
+    if P_theta.iter().all(|&v| v == 0.0) {
+        project(A);
+        *p_theta = p_theta.max(0.0);
+        return;
+    }
+    let mut m = [[0.0; 10]; 10];
+    for c in 0..9 {
+        m[c][..9].copy_from_slice(&A.data.0[c]);
+        m[c][9] = P_theta[c];
+        m[9][c] = P_theta[c];
+    }
+    m[9][9] = *p_theta;
+    if clamp(&mut m) {
+        for c in 0..9 {
+            A.data.0[c].copy_from_slice(&m[c][..9]);
+            P_theta[c] = m[9][c];
+        }
+        *p_theta = m[9][9];
+    }
+}
