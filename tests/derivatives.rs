@@ -1,1 +1,247 @@
-//! Placeholder until its stage stands.
+//! Is every stress, force and stiffness the derivative of its energy?
+//!
+//! Each row of the tables is one law, element or effect; a new one is one more row. The order at which the Taylor
+//! remainder falls is asserted (2 for a true derivative), never a tolerance on a difference quotient.
+
+#![allow(non_snake_case)]
+
+use fem::effect::{Effect, Lines, NO_NODE, Solid, State, line::Segment, solid::Uniform};
+use fem::element::{Formulation, shape};
+use fem::material::line::{FibreStrain, HillFibre, LineLaw, Strand, ThermalFibre};
+use fem::material::*;
+use support::{Random, taylor_order};
+
+/// Uniform in [-1, 1).
+fn symmetric(random: &mut Random) -> f64 {
+    2.0 * random.uniform() - 1.0
+}
+
+/// A law behind plain functions of F and θ, so that all sit in one table.
+struct Law {
+    name: &'static str,
+    energy: Box<dyn Fn(&Matrix3, f64) -> f64>,
+    stress: Box<dyn Fn(&Matrix3, f64) -> (Matrix3, f64)>,
+    tangent: Box<dyn Fn(&Matrix3, f64) -> Mixed>,
+    plain: [Box<dyn Fn(&Matrix3) -> Matrix9>; 2],
+    inverted: bool,
+}
+
+fn law<L: Material + 'static>(name: &'static str, law: L, inverted: bool) -> Law {
+    Law {
+        name,
+        energy: Box::new(move |F, t| law.mixed_energy(F, t)),
+        stress: Box::new(move |F, t| law.mixed_stress(F, t)),
+        tangent: Box::new(move |F, t| law.mixed_tangent(F, t)),
+        plain: [
+            Box::new(move |F| {
+                let mut first = Matrix9::zeros();
+                first[(0, 0)] = law.energy(F);
+                first.fixed_view_mut::<9, 1>(0, 1).copy_from_slice(law.stress(F).as_slice());
+                first
+            }),
+            Box::new(move |F| law.tangent(F)),
+        ],
+        inverted,
+    }
+}
+
+fn laws() -> Vec<Law> {
+    let a0 = nalgebra::Vector3::new(0.6, 0.64, 0.48);
+    let along = |law: Blemker| BlemkerFibre { law, a0 };
+    vec![
+        law("neo-Hookean", NeoHookean { mu: 7.5, lambda: 30.0 }, false),
+        law("neo-Hookean, uncoupled", NeoHookeanUncoupled { mu: 7.5, bulk: 75.0 }, false),
+        law("Mooney-Rivlin", MooneyRivlin { c10: 3.0, c01: 0.75, bulk: 75.0 }, false),
+        law("Mooney-Rivlin, LS-DYNA", MooneyRivlinDyna { a: 3.0, b: 0.75, nu: 0.45 }, false),
+        law("stable neo-Hookean", StableNeoHookean::from_young(20.0, 0.4), true),
+        law("St. Venant-Kirchhoff", StVenantKirchhoff::from_young(20.0, 0.3), true),
+        law("linear elastic", LinearElastic::from_young(20.0, 0.3), false),
+        law("Blemker, passive", along(Blemker { bulk: 1e4, ..Blemker::muscle() }), false),
+        law("Blemker, active", along(Blemker { bulk: 1e4, activation: 0.7, ..Blemker::muscle() }), false),
+    ]
+}
+
+/// A random deformation gradient near the identity, with det F above 0.3, or reflected.
+fn deformation(random: &mut Random, inverted: bool) -> Matrix3 {
+    loop {
+        let mut F = Matrix3::identity() + Matrix3::from_fn(|_, _| 0.4 * symmetric(random));
+        if F.determinant() > 0.3 {
+            if inverted {
+                F.set_column(0, &(-F.column(0)));
+            }
+            return F;
+        }
+    }
+}
+
+#[test]
+fn stress_and_tangent_of_every_law_are_derivatives() {
+    let mut random = Random::new(1);
+    for law in laws() {
+        let (mut worst_P, mut worst_A) = (f64::INFINITY, f64::INFINITY);
+        for sample in 0..40 {
+            let F = deformation(&mut random, law.inverted && sample % 2 == 1);
+            let theta = F.determinant() * (1.0 + 0.1 * symmetric(&mut random));
+            let (dF, dG) = (deformation(&mut random, false), deformation(&mut random, false));
+            let (dt, ds) = (0.5 * symmetric(&mut random), symmetric(&mut random));
+            let h = 1e-3;
+            let (P, p) = (law.stress)(&F, theta);
+            let order = taylor_order(|h| (law.energy)(&(F + dF * h), theta + h * dt), P.dot(&dF) + p * dt, h);
+            worst_P = worst_P.min(order);
+            let m = (law.tangent)(&F, theta);
+            let flat = |M: &Matrix3| nalgebra::SVector::<f64, 9>::from_column_slice(M.as_slice());
+            let slope = flat(&dG).dot(&(m.A * flat(&dF)))
+                + m.P_theta.dot(&dG) * dt
+                + m.P_theta.dot(&dF) * ds
+                + m.p_theta * dt * ds;
+            let along = |h: f64| {
+                let (P, p) = (law.stress)(&(F + dF * h), theta + h * dt);
+                P.dot(&dG) + p * ds
+            };
+            worst_A = worst_A.min(taylor_order(along, slope, h));
+            assert!((m.A - m.A.transpose()).amax() <= 1e-12 * m.A.amax(), "{}: tangent not symmetric", law.name);
+
+            // The plain density: ψ(F) = ψ̂(F, det F).
+            let [first, second] = &law.plain;
+            let value = first(&F);
+            let same = (law.energy)(&F, F.determinant());
+            assert!((value[(0, 0)] - same).abs() <= 1e-12 * (1.0 + same.abs()), "{}: ψ̂(F, J) is not ψ(F)", law.name);
+            let P = |F: &Matrix3| Matrix3::from_column_slice(first(F).column(1).as_slice());
+            let order = taylor_order(|h| first(&(F + dF * h))[(0, 0)], P(&F).dot(&dF), h);
+            worst_P = worst_P.min(order);
+            let slope = flat(&dG).dot(&(second(&F) * flat(&dF)));
+            worst_A = worst_A.min(taylor_order(|h| P(&(F + dF * h)).dot(&dG), slope, h));
+        }
+        println!("{:<28} stress order {worst_P:.2}, tangent order {worst_A:.2}", law.name);
+        assert!(worst_P > 1.9, "{}: stress is not ∂ψ/∂F (order {worst_P:.2})", law.name);
+        assert!(worst_A > 1.9, "{}: tangent is not ∂P/∂F (order {worst_A:.2})", law.name);
+    }
+}
+
+#[test]
+fn small_strain_moduli_are_those_of_linear_elasticity() {
+    let (young, nu) = (20.0, 0.4);
+    let (mu, lambda) = neo_hookean::lame(young, nu);
+    let bulk = lambda + 2.0 / 3.0 * mu;
+    let I = Matrix3::identity();
+    let linear = LinearElastic { mu, lambda }.tangent(&I);
+    let mooney = MooneyRivlin { c10: 0.3 * mu, c01: 0.2 * mu, bulk };
+    for (name, stress, A) in [
+        ("neo-Hookean", NeoHookean { mu, lambda }.stress(&I), NeoHookean { mu, lambda }.tangent(&I)),
+        ("Mooney-Rivlin", mooney.stress(&I), mooney.tangent(&I)),
+        (
+            "Mooney-Rivlin, LS-DYNA",
+            MooneyRivlinDyna { a: 0.3 * mu, b: 0.2 * mu, nu }.stress(&I),
+            MooneyRivlinDyna { a: 0.3 * mu, b: 0.2 * mu, nu }.tangent(&I),
+        ),
+        (
+            "uncoupled neo-Hookean",
+            NeoHookeanUncoupled { mu, bulk }.stress(&I),
+            NeoHookeanUncoupled { mu, bulk }.tangent(&I),
+        ),
+        (
+            "stable neo-Hookean",
+            StableNeoHookean::from_young(young, nu).stress(&I),
+            StableNeoHookean::from_young(young, nu).tangent(&I),
+        ),
+        (
+            "St. Venant-Kirchhoff",
+            StVenantKirchhoff { mu, lambda }.stress(&I),
+            StVenantKirchhoff { mu, lambda }.tangent(&I),
+        ),
+    ] {
+        assert!(stress.amax() < 1e-12 * young, "{name}: stress {stress} at rest");
+        assert!((A - linear).amax() < 1e-12 * young, "{name}: {A} instead of {linear}");
+    }
+}
+
+/// A distorted hexahedron.
+fn hexahedron(random: &mut Random) -> Vec<[f64; 3]> {
+    shape::HEX_CORNERS.iter().map(|c| c.map(|c| 0.5 * c + 0.1 * symmetric(random))).collect()
+}
+
+fn line(law: LineLaw) -> Segment {
+    // From a point inside a cell of nodes 0-3 to node 4.
+    let ends = [vec![(0, 0.4), (1, 0.3), (2, 0.2), (3, 0.1)], vec![(4, 0.5), (2, 0.5)]];
+    Segment { ends, length: 0.9, law }
+}
+
+/// Every effect over eight nodes with its reference points.
+fn effects(random: &mut Random) -> Vec<(&'static str, Box<dyn Effect>, Vec<[f64; 3]>)> {
+    let X = hexahedron(random);
+    let nodes = vec![[0, 1, 2, 3, 4, 5, 6, 7]];
+    let mooney = MooneyRivlin { c10: 3.0, c01: 0.75, bulk: 747.5 };
+    let dyna = MooneyRivlinDyna { a: 3.0, b: 0.75, nu: 0.45 };
+    let rule = shape::hex8();
+    let hex8 = |f| Solid::new("hex8", Uniform(mooney), f, &rule, &X, nodes.clone()).expect("good shape");
+    let hex8_dyna = Solid::new("hex8", Uniform(dyna), Formulation::MeanDilatation, &rule, &X, nodes.clone());
+    let tet4 = Solid::new("t", Uniform(mooney), Formulation::Plain, &shape::tet4(), &X, vec![[0, 1, 3, 4]]);
+    let thermal = |strain, toe| {
+        LineLaw::Thermal(ThermalFibre { stiffness: 3.0, contraction: 0.3, strain, toe })
+    };
+    let lines = |law| Box::new(Lines::<8>::new("line", Some(0), &X, &[line(law)])) as Box<dyn Effect>;
+    vec![
+        ("hex8, plain", Box::new(hex8(Formulation::Plain)), X.clone()),
+        ("hex8, mean dilatation", Box::new(hex8(Formulation::MeanDilatation)), X.clone()),
+        ("hex8, mean dilatation, LS-DYNA law", Box::new(hex8_dyna.expect("good shape")), X.clone()),
+        ("tet4", Box::new(tet4.expect("good shape")), X.clone()),
+        ("thermal fibre, engineering", lines(thermal(FibreStrain::Engineering, None)), X.clone()),
+        ("thermal fibre, logarithmic", lines(thermal(FibreStrain::Logarithmic, None)), X.clone()),
+        ("thermal fibre, toe", lines(thermal(FibreStrain::Engineering, Some(5.0))), X.clone()),
+        ("thermal fibre, logarithmic, toe", lines(thermal(FibreStrain::Logarithmic, Some(5.0))), X.clone()),
+        ("thermal fibre, above the toe", lines(thermal(FibreStrain::Logarithmic, Some(0.01))), X.clone()),
+        ("Hill fibre", lines(LineLaw::Hill(HillFibre { f_max: 5.0, lambda_opt: 1.1 })), X.clone()),
+        ("strand", lines(LineLaw::Strand(Strand { stiffness: 5.0, toe: 0.03 })), X.clone()),
+        ("strand, in the toe", lines(LineLaw::Strand(Strand { stiffness: 5.0, toe: 3.0 })), X.clone()),
+    ]
+}
+
+#[test]
+fn forces_and_stiffness_of_every_effect_are_derivatives() {
+    let mut random = Random::new(2);
+    for (name, effect, X) in effects(&mut random) {
+        let (mut worst_f, mut worst_K) = (f64::INFINITY, f64::INFINITY);
+        for _ in 0..20 {
+            let mut vector = |size: f64| -> Vec<f64> { (0..3 * X.len()).map(|_| size * symmetric(&mut random)).collect() };
+            let (u, dx, dy) = (vector(0.05), vector(1.0), vector(1.0));
+            // Stretched, so that strands and toes are in tension.
+            let x: Vec<f64> = X.as_flattened().iter().zip(&u).map(|(X, u)| 1.4 * X + u).collect();
+            let controls = [0.6];
+            let at = |h: f64| -> Vec<f64> { x.iter().zip(&dx).map(|(x, d)| x + h * d).collect() };
+            let (f, K) = dense(effect.as_ref(), &State { x: &x, controls: &controls });
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let energy = |h: f64| effect.energy(&State { x: &at(h), controls: &controls });
+            let force = |h: f64| dot(&dense(effect.as_ref(), &State { x: &at(h), controls: &controls }).0, &dy);
+            let h = 2e-3;
+            worst_f = worst_f.min(taylor_order(energy, dot(&f, &dx), h));
+            let n = x.len();
+            let slope = (0..n).map(|r| dy[r] * dot(&K[r * n..(r + 1) * n], &dx)).sum();
+            worst_K = worst_K.min(taylor_order(force, slope, h));
+        }
+        println!("{name:<36} force order {worst_f:.2}, stiffness order {worst_K:.2}");
+        assert!(worst_f > 1.9, "{name}: force is not ∂Π/∂x (order {worst_f:.2})");
+        assert!(worst_K > 1.9, "{name}: stiffness is not ∂²Π/∂x² (order {worst_K:.2})");
+    }
+}
+
+/// Forces and dense stiffness of an effect over all nodes.
+fn dense(effect: &dyn Effect, s: &State) -> (Vec<f64>, Vec<f64>) {
+    let (n, m) = (s.x.len(), effect.nodes_per_group());
+    let (mut f, mut K) = (vec![0.0; n], vec![0.0; n * n]);
+    for (group, nodes) in effect.nodes().chunks(m).enumerate() {
+        let (mut fe, mut ke) = (vec![0.0; 3 * m], vec![0.0; 9 * m * m]);
+        effect.forces(s, group, &mut fe);
+        effect.stiffness(s, false, group, &mut ke);
+        let dof = |r: usize| (nodes[r / 3] != NO_NODE).then(|| 3 * nodes[r / 3] as usize + r % 3);
+        for r in 0..3 * m {
+            let Some(row) = dof(r) else { continue };
+            f[row] += fe[r];
+            for c in 0..3 * m {
+                if let Some(column) = dof(c) {
+                    K[row * n + column] += ke[r * 3 * m + c];
+                }
+            }
+        }
+    }
+    (f, K)
+}
