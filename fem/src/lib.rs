@@ -1,5 +1,8 @@
 //! The deformable thigh: from bone motion and activation to deformation, stress and section forces.
 
+// Comparisons are written so that NaN fails them.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 pub mod effect;
 pub mod element;
 pub mod material;

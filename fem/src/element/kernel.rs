@@ -83,7 +83,12 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
 
     /// ∂Π/∂x_a \[N\] per node.
     #[inline(always)]
-    pub fn gradient<L: Material>(&self, formulation: Formulation, law: &L, x: &[[f64; 3]; N]) -> [[f64; 3]; N] {
+    pub fn gradient<L: Material>(
+        &self,
+        formulation: Formulation,
+        law: &L,
+        x: &[[f64; 3]; N],
+    ) -> [[f64; 3]; N] {
         let mut f = [[0.0; 3]; N];
         match formulation {
             Formulation::Plain => {

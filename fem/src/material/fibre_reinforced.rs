@@ -114,7 +114,9 @@ impl<L: FibreReinforced> Material for AlongFibre<L> {
                     A[(row, i + 3 * l)] += d4 * a0[j] * a0[l] + d5 * (a0[l] * c[j] + c[l] * a0[j]);
                     for k in 0..3 {
                         A[(row, k + 3 * l)] += d5
-                            * (m[i] * F[(k, j)] * a0[l] + F[(i, l)] * m[k] * a0[j] + B[(i, k)] * a0[j] * a0[l]);
+                            * (m[i] * F[(k, j)] * a0[l]
+                                + F[(i, l)] * m[k] * a0[j]
+                                + B[(i, k)] * a0[j] * a0[l]);
                     }
                 }
                 for k in 0..3 {

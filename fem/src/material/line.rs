@@ -160,10 +160,18 @@ impl Strand {
         if e <= 0.0 {
             LineResponse { energy: 0.0, force: 0.0, stiffness: 0.0 }
         } else if e <= 2.0 * l {
-            LineResponse { energy: k * e * e * e / (12.0 * l), force: 0.25 * k * e * e / l, stiffness: 0.5 * k * e / l }
+            LineResponse {
+                energy: k * e * e * e / (12.0 * l),
+                force: 0.25 * k * e * e / l,
+                stiffness: 0.5 * k * e / l,
+            }
         } else {
             let d = e - 2.0 * l;
-            LineResponse { energy: k * (2.0 / 3.0 * l * l + l * d + 0.5 * d * d), force: k * (e - l), stiffness: k }
+            LineResponse {
+                energy: k * (2.0 / 3.0 * l * l + l * d + 0.5 * d * d),
+                force: k * (e - l),
+                stiffness: k,
+            }
         }
     }
 }

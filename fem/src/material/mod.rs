@@ -113,7 +113,8 @@ pub fn cofactor(F: &Matrix3) -> Matrix3 {
 /// Adds `factor` ∂²(det F)/∂F∂F to `A`.
 #[inline(always)]
 pub fn add_det_hessian(A: &mut Matrix9, F: &Matrix3, factor: f64) {
-    for (j, l, c, sign) in [(0, 1, 2, 1.0), (1, 2, 0, 1.0), (2, 0, 1, 1.0), (1, 0, 2, -1.0), (2, 1, 0, -1.0), (0, 2, 1, -1.0)]
+    for (j, l, c, sign) in
+        [(0, 1, 2, 1.0), (1, 2, 0, 1.0), (2, 0, 1, 1.0), (1, 0, 2, -1.0), (2, 1, 0, -1.0), (0, 2, 1, -1.0)]
     {
         // ∂(column j of cof F)/∂(column l) is ∓ the cross-product matrix of the third column.
         let (f, v) = (sign * factor, F.column(c));

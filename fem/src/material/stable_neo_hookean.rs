@@ -32,6 +32,8 @@ impl Isotropic for StableNeoHookean {
         let beta = 0.75 * self.mu / self.lambda;
         let e = theta - (1.0 + beta);
         let at_rest = 0.5 * (self.lambda * beta * beta - self.mu * 4.0_f64.ln());
-        (I1 - 3.0) * (0.5 * self.mu) + e * e * (0.5 * self.lambda) - (I1 + 1.0).ln() * (0.5 * self.mu) - at_rest
+        (I1 - 3.0) * (0.5 * self.mu) + e * e * (0.5 * self.lambda)
+            - (I1 + 1.0).ln() * (0.5 * self.mu)
+            - at_rest
     }
 }
