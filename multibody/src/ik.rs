@@ -25,6 +25,9 @@ const TOLERANCE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
 /// Largest rotation of a segment in one step \[rad\].
 const LARGEST_TURN: f64 = 0.5;
+/// A residual above this multiple of the trial's median plus the margin \[m\] stands out.
+const OUTLIER_FACTOR: f64 = 1.5;
+const OUTLIER_MARGIN: f64 = 2e-3;
 /// The downhill approach: steps at most, residual at which Newton takes over, damping of the unknowns.
 const APPROACH_ITERATIONS: usize = 100;
 const APPROACH_TOLERANCE: f64 = 1e-4;
@@ -53,8 +56,61 @@ pub fn fit(model: &Model, trial: &Trial) -> Vec<FittedFrame> {
         .into_par_iter()
         .map(|c| fit_chunk(model, trial, &starts, c * CHUNK..((c + 1) * CHUNK).min(n)))
         .collect();
-    let frames: Vec<_> = chunks.into_iter().flatten().collect();
+    let mut frames: Vec<_> = chunks.into_iter().flatten().collect();
+    refit_outliers(model, trial, &starts, &mut frames);
     fill_failed(model, frames)
+}
+
+/// The joint equations have several roots, and Newton may settle in one that fits the markers badly. Frames whose residual
+/// stands out are fitted again from every start at hand, and the best fit is kept.
+fn refit_outliers(
+    model: &Model,
+    trial: &Trial,
+    starts: &[Option<Coordinates>],
+    frames: &mut [Result<FittedFrame, FitVerdict>],
+) {
+    let mut rms: Vec<f64> = frames.iter().flatten().map(|f| f.verdict.marker_rms).collect();
+    if rms.is_empty() {
+        return;
+    }
+    rms.sort_by(f64::total_cmp);
+    let limit = OUTLIER_FACTOR * rms[rms.len() / 2] + OUTLIER_MARGIN;
+    let good: Vec<Option<Coordinates>> = frames
+        .iter()
+        .map(|f| f.as_ref().ok().filter(|f| f.verdict.marker_rms <= limit).map(|f| f.Q))
+        .collect();
+    let refitted: Vec<(usize, FittedFrame)> = (0..frames.len())
+        .into_par_iter()
+        .filter(|&k| good[k].is_none())
+        .filter_map(|k| {
+            let mut solver = Solver::new(model);
+            let targets = targets(model, trial, k);
+            let before = (0..k).rev().find_map(|i| good[i]);
+            let after = (k + 1..good.len()).find_map(|i| good[i]);
+            let candidates = [before, after, starts[k]];
+            let fits = [false, true]
+                .iter()
+                .flat_map(|&approach| candidates.iter().flatten().map(move |s| (s, approach)));
+            let best = fits
+                .filter_map(|(start, approach)| solver.fit(&targets, start, approach).ok())
+                .min_by(|a, b| a.verdict.marker_rms.total_cmp(&b.verdict.marker_rms))?;
+            Some((k, best))
+        })
+        .collect();
+    for (k, best) in refitted {
+        let better = match &frames[k] {
+            Ok(old) => best.verdict.marker_rms < old.verdict.marker_rms,
+            Err(_) => true,
+        };
+        if better {
+            frames[k] = Ok(best);
+        }
+    }
+}
+
+/// Seen positions of the model's markers in one frame.
+fn targets(model: &Model, trial: &Trial, frame: usize) -> Vec<Option<Vector3<f64>>> {
+    model.markers.iter().map(|m| trial.markers[m.track].position[frame]).collect()
 }
 
 fn fit_chunk(
@@ -67,8 +123,7 @@ fn fit_chunk(
     let mut previous: Option<Coordinates> = None;
     let mut results = Vec::with_capacity(frames.len());
     for frame in frames {
-        let targets: Vec<Option<Vector3<f64>>> =
-            model.markers.iter().map(|m| trial.markers[m.track].position[frame]).collect();
+        let targets = targets(model, trial, frame);
         let nearest = || {
             let distance = |k: &usize| k.abs_diff(frame);
             (0..starts.len()).filter(|&k| starts[k].is_some()).min_by_key(distance).and_then(|k| starts[k])

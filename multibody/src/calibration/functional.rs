@@ -90,18 +90,26 @@ pub fn anatomy(
     let along = (toe - heel).normalize();
     let normal = (lateral_in_foot - along * lateral_in_foot.dot(&along)).normalize();
     let shift = (heel - ankle.distal_point).dot(&normal) / ankle.distal.dot(&normal);
-    let ankle_in_foot = ankle.distal_point + shift * ankle.distal;
-    let ankle_in_shank = ankle.proximal_point + shift * ankle.proximal;
+    let on_talocrural = ankle.proximal_point + shift * ankle.proximal;
 
     let pelvis_right = mean_direction(recordings, &clusters, Pelvis, Thigh, &pelvis_axes.w);
     let knee = knee.pointing(&pelvis_right, true);
     let on_axis = match local(Thigh, |r| &r.patella, "patella") {
         Ok(patella) => (patella - knee.proximal_point).dot(&knee.proximal),
         // Without a patella marker: the point nearest to the line from hip to ankle.
-        Err(_) => nearest_to_leg_line(recordings, &clusters, &knee, &pelvis_axes.hip, &ankle_in_shank),
+        Err(_) => nearest_to_leg_line(recordings, &clusters, &knee, &pelvis_axes.hip, &on_talocrural),
     };
     let knee_in_thigh = knee.proximal_point + on_axis * knee.proximal;
     let knee_in_shank = knee.distal_point + on_axis * knee.distal;
+    // The model counts the shank to the midpoint of the malleoli; its talocrural axis lies farther down (`joints.csv`).
+    let below = crate::tables::JointTable::built_in().point("ankle_universal", "joint point on shank");
+    let stretch = 1.0 - below.y / crate::joint::GENERIC_SHANK;
+    let ankle_in_shank = knee_in_shank + (on_talocrural - knee_in_shank) / stretch;
+    let carried: Vec<Vector3<f64>> = frames(recordings, &clusters, Foot, Shank)
+        .map(|(foot, shank)| relative(&foot, &shank))
+        .map(|(R, t)| R * ankle_in_shank + t)
+        .collect();
+    let ankle_in_foot = carried.iter().sum::<Vector3<f64>>() / carried.len() as f64;
     let thigh = ThighAxes { knee: knee_in_thigh, w: knee.proximal };
     let shank = ShankAxes {
         knee: knee_in_shank,

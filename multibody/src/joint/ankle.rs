@@ -56,7 +56,7 @@ pub fn parallel(table: &JointTable, shank: &Shape, foot: &Shape, neutral: &Matri
             distal: SegmentId::Foot,
             contact: "ankle",
         },
-        ligament("TiCaL", "tical"),
-        ligament("CaFiL", "cafil"),
+        ligament("TiCaL", "ticalcaneal"),
+        ligament("CaFiL", "calcaneofibular"),
     ]
 }

@@ -9,7 +9,7 @@ mod patella;
 
 use nalgebra::Vector3;
 
-pub use ankle::{parallel as ankle_parallel, universal as ankle_universal};
+pub use ankle::{GENERIC_SHANK, parallel as ankle_parallel, universal as ankle_universal};
 pub use hip::hip;
 pub use knee::knee;
 pub use patella::patella;

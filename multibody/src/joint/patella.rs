@@ -28,7 +28,7 @@ pub fn patella(table: &JointTable, thigh: &Shape, patella: &Shape, shank: &Shape
         Equation::Coincide {
             gap: on_femur.minus(&on_patella),
             distal: SegmentId::Patella,
-            contact: "patellofemoral",
+            contact: "patella",
         },
         angle(Vector3::x()),
         angle(Vector3::y()),

@@ -8,11 +8,11 @@
 
 use nalgebra::Vector3;
 
+use crate::joint::GENERIC_SHANK;
 use crate::natural::{Coordinates, End, Pose, SegmentId, Shape, VectorForm};
 use crate::tables::{number, rows};
 
-/// Generic shank and thigh lengths of the muscle geometry \[m\].
-const GENERIC_SHANK: f64 = 0.3907;
+/// Generic thigh length of the muscle geometry \[m\].
 const GENERIC_THIGH: f64 = 0.3960;
 /// Generic hip centre in the pelvis frame of Delp 1990 \[m\]: homothety centre of the pelvis points.
 const GENERIC_HIP: Vector3<f64> = Vector3::new(-0.0707, -0.0661, 0.0835);
