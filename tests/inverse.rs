@@ -30,56 +30,51 @@ fn knee_path_agrees_with_the_published_test_vectors() {
 
 #[test]
 fn probe() {
+    use multibody::share::*;
+    use multibody::sharing::*;
+    use multibody::trial::*;
+    let filters = Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 };
     for knee in [Knee::Hinge, Knee::Coupled] {
         for ankle in [Ankle::Universal, Ankle::Parallel] {
             let (trial, anatomy) = walker(knee);
-            let mut model = Model::new(&trial, anatomy, ankle).unwrap();
-            for pass in 0..2 {
-                if pass == 1 {
-                    use multibody::natural::*;
-                    let i = model
-                        .equations
-                        .iter()
-                        .position(|e| {
-                            matches!(e, multibody::joint::Equation::Coincide { contact: "ankle", .. })
-                        })
-                        .unwrap();
-                    let gap = model.shapes[1]
-                        .point(SegmentId::Shank, &nalgebra::Vector3::zeros(), End::Distal)
-                        .minus(&model.shapes[0].point(
-                            SegmentId::Foot,
-                            &nalgebra::Vector3::zeros(),
-                            End::Proximal,
-                        ));
-                    model.equations.remove(i);
-                    model.equations.remove(i);
-                    if ankle == Ankle::Parallel {
-                        model.equations.remove(i);
-                    }
-                    model.equations.insert(
-                        0,
-                        multibody::joint::Equation::Coincide {
-                            gap,
-                            distal: SegmentId::Foot,
-                            contact: "ankle",
-                        },
-                    );
-                }
-                let frames = ik::fit(&model, &trial);
-                let r: Vec<_> = trial
-                    .report
-                    .clone()
-                    .map(|k| &frames[k])
-                    .filter(|f| f.verdict.failure.is_none())
-                    .collect();
-                let rms =
-                    (r.iter().map(|f| f.verdict.marker_rms.powi(2)).sum::<f64>() / r.len() as f64).sqrt();
-                for (k, f) in frames.iter().enumerate() {
-                    if f.verdict.failure.is_some() {
-                        println!("{k} {:?}", f.verdict);
-                    }
-                }
-                println!("{knee:?} {ankle:?} {pass} rms {:.3} mm {}", rms * 1e3, r.len());
+            let model = Model::new(&trial, anatomy, ankle).unwrap();
+            let motion = multibody::motion::track(&model, &trial, &filters);
+            let t0 = std::time::Instant::now();
+            let loads = loads(&model, &motion, &trial, &filters);
+            let t1 = t0.elapsed();
+            let capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+            for (name, muscle_cost, reaction_cost, bounded) in [
+                ("c1", MuscleCost::Force, ReactionCost::None, false),
+                ("c2", MuscleCost::Force, ReactionCost::Table, false),
+                ("c2b", MuscleCost::Force, ReactionCost::Table, true),
+                ("act", MuscleCost::Activation, ReactionCost::None, true),
+                ("vol", MuscleCost::Volume, ReactionCost::None, true),
+            ] {
+                let settings =
+                    SharingSettings { muscle_cost, reaction_cost, bounded, ..SharingSettings::default() };
+                let t0 = std::time::Instant::now();
+                let effort = share(&model, &motion, &loads, &capacity, &settings).unwrap();
+                let t2 = t0.elapsed();
+                let col = |n: &str| effort.reactions.columns.iter().position(|c| c == n).unwrap();
+                let (m, l) = (col("knee_medial"), col("knee_lateral"));
+                let total = (0..effort.time.len())
+                    .map(|k| effort.reactions.values[(k, m)] + effort.reactions.values[(k, l)])
+                    .fold(0.0, f64::max)
+                    / (70.0 * 9.81);
+                let over = (0..effort.time.len())
+                    .flat_map(|k| (0..43).map(move |i| (k, i)))
+                    .map(|(k, i)| effort.forces.values[(k, i)] / model.muscles[i].f_max)
+                    .fold(0.0, f64::max);
+                let active = (0..effort.time.len())
+                    .map(|k| (0..43).filter(|&i| effort.forces.values[(k, i)] > 1e-6).count())
+                    .sum::<usize>() as f64
+                    / effort.time.len() as f64;
+                let solved = effort.verdicts.iter().filter(|v| v.status == Status::Solved).count();
+                let mcl = effort.reactions.values.column(col("mcl")).min();
+                println!(
+                    "{knee:?} {ankle:?} {name}: total {total:.2} BW, f/Fmax {over:.2}, active {active:.1}, solved {solved}, mcl {mcl:.0}, loads {t1:?} share {t2:?} {:?}",
+                    effort.verdicts.iter().find(|v| v.status != Status::Solved).map(|v| v.reason.clone())
+                );
             }
         }
     }

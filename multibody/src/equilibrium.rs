@@ -30,7 +30,7 @@ const PER_SEGMENT: usize = 7;
 const N_VIRTUAL: usize = 28;
 
 /// R f = tau and x = x0 + X f for one frame.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Equilibrium {
     /// R: n_coordinates × n_muscles, lever arms \[m\].
     pub lever_arms: DMatrix<f64>,

@@ -18,6 +18,7 @@ pub mod motion;
 pub mod muscle;
 pub mod natural;
 pub mod read;
+pub mod share;
 pub mod sharing;
 pub mod tables;
 pub mod tangent;

@@ -144,6 +144,9 @@ pub struct Loads {
     pub time: Vec<f64>,
     /// Generalised load G Q̈ − P − R on the 48 leg coordinates.
     pub generalised: Vec<nalgebra::SVector<f64, 48>>,
+    /// Lever arms, required moments and joint forces per tension; `None` where the frame was not fitted or the joints are
+    /// locked.
+    pub reduced: Vec<Option<crate::equilibrium::Equilibrium>>,
     /// Moment that the muscles must supply per joint coordinate \[N·m\]; columns named like the coordinate.
     pub moments: Table,
     /// Filtered ground force on the foot, in ground \[N\].

@@ -1,0 +1,194 @@
+//! From motion and ground reaction to what the joints carry ([`loads`]) and who carries it ([`share`]).
+
+#![allow(non_snake_case)]
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::dynamics::{GroundLoad, ground_loads, leg_load};
+use crate::equilibrium::{Equilibrium, equilibrium};
+use crate::model::{Ankle, Model};
+use crate::sharing::{
+    Capacity, MuscleCost, Names, ReactionCost, Sharing, SharingError, SharingOptions, SharingProblem,
+    muscle_weights, reactions, share_frames,
+};
+use crate::trial::{Effort, Filters, Loads, Motion, Status, Table, Trial, Verdict};
+
+/// How forces are shared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SharingSettings {
+    /// What tensions cost.
+    pub muscle_cost: MuscleCost,
+    /// What joint forces cost: nothing (condition 1) or the published weights (condition 2).
+    pub reaction_cost: ReactionCost,
+    /// Whether the capacity bounds the tensions. The published form has no upper bounds.
+    pub bounded: bool,
+    /// Reserve moments on every coordinate: weight of their squares \[1/(N·m)²\]. `None`: no reserves.
+    pub reserves: Option<f64>,
+    /// Further options of the solver.
+    pub options: SharingOptions,
+}
+
+impl Default for SharingSettings {
+    /// Condition 2 bounded by strength.
+    fn default() -> Self {
+        SharingSettings {
+            muscle_cost: MuscleCost::Force,
+            reaction_cost: ReactionCost::Table,
+            bounded: true,
+            reserves: None,
+            options: SharingOptions::default(),
+        }
+    }
+}
+
+/// Loads of the reported frames, reduced to lever arms and required moments.
+pub fn loads(model: &Model, motion: &Motion, trial: &Trial, filters: &Filters) -> Loads {
+    let frames: Vec<usize> = motion.report.clone().collect();
+    let time: Vec<f64> = frames.iter().map(|&k| motion.time[k]).collect();
+    let ground = ground_loads(&trial.ground, &time, filters);
+    let generalised: Vec<_> = frames
+        .iter()
+        .zip(&ground)
+        .map(|(&k, ground)| leg_load(model, &motion.Q[k], &motion.Qdd[k], ground))
+        .collect();
+    let reduced: Vec<Option<Equilibrium>> = frames
+        .par_iter()
+        .zip(&generalised)
+        .map(|(&k, load)| match motion.fit[k].failure {
+            None => equilibrium(model, &motion.Q[k], load),
+            Some(_) => None,
+        })
+        .collect();
+    let columns = model.coordinate_names();
+    let mut moments = DMatrix::from_element(frames.len(), columns.len(), f64::NAN);
+    for (k, frame) in reduced.iter().enumerate() {
+        if let Some(frame) = frame {
+            moments.row_mut(k).copy_from(&frame.moments.transpose());
+        }
+    }
+    Loads {
+        time,
+        generalised,
+        reduced,
+        moments: Table { columns, values: moments },
+        ground_force: ground.iter().map(|g| g.force).collect(),
+        centre_of_pressure: ground.iter().map(GroundLoad::centre_of_pressure).collect(),
+        free_moment: ground.iter().map(GroundLoad::free_moment).collect(),
+    }
+}
+
+/// Names of rows and columns of the sharing problem of a model.
+pub fn names(model: &Model) -> Names {
+    Names {
+        coordinates: model.coordinate_names(),
+        muscles: model.muscles.iter().map(|m| m.name.clone()).collect(),
+        reactions: model.reaction_names(),
+    }
+}
+
+/// The sharing problem of one reported frame; `None` where the loads are unknown.
+pub fn problem(
+    model: &Model,
+    loads: &Loads,
+    frame: usize,
+    capacity: &Capacity,
+    settings: &SharingSettings,
+) -> Option<SharingProblem> {
+    let reduced = loads.reduced[frame].as_ref()?;
+    let n = model.muscles.len();
+    let l_opt: Vec<f64> = model.muscles.iter().map(|m| m.l_opt).collect();
+    let table = reactions(model.ankle == Ankle::Parallel);
+    let R = match &capacity.lever_arms {
+        Some(arms) => arms[frame].clone(),
+        None => reduced.lever_arms.clone(),
+    };
+    let strength = |i: usize| if settings.bounded { capacity.force_per_activation[i] } else { f64::INFINITY };
+    Some(SharingProblem {
+        R,
+        tau: reduced.moments.clone(),
+        x0: reduced.reaction_without.clone(),
+        X: reduced.reaction_per_force.clone(),
+        lower_f: DVector::zeros(n),
+        upper_f: DVector::from_fn(n, |i, _| strength(i)),
+        lower_x: DVector::from_iterator(table.len(), table.iter().map(|r| r.lower)),
+        upper_x: DVector::from_element(table.len(), f64::INFINITY),
+        w_f: muscle_weights(settings.muscle_cost, capacity, &l_opt),
+        w_x: DVector::from_iterator(
+            table.len(),
+            table.iter().map(|r| match settings.reaction_cost {
+                ReactionCost::None => 0.0,
+                ReactionCost::Table => r.weight,
+            }),
+        ),
+        w_s: settings.reserves.map(|w| DVector::from_element(reduced.moments.len(), w)),
+    })
+}
+
+/// Shares the loads of every reported frame; activations are left at zero (`muscle::hill` fills them).
+pub fn share(
+    model: &Model,
+    motion: &Motion,
+    loads: &Loads,
+    capacity: &Capacity,
+    settings: &SharingSettings,
+) -> Result<Effort, SharingError> {
+    let names = names(model);
+    let known: Vec<usize> = (0..loads.time.len()).filter(|&k| loads.reduced[k].is_some()).collect();
+    let solved = share_frames(known.len(), &names, settings.options, |k| {
+        Ok::<_, SharingError>(problem(model, loads, known[k], capacity, settings).expect("loads are known"))
+    })?;
+    let n = loads.time.len();
+    let mut frames: Vec<Option<Sharing>> = vec![None; n];
+    for (k, sharing) in known.into_iter().zip(solved) {
+        frames[k] = Some(sharing);
+    }
+    let table = |columns: &[String], row: fn(&Sharing) -> &DVector<f64>| {
+        let mut values = DMatrix::from_element(n, columns.len(), f64::NAN);
+        for (k, frame) in frames.iter().enumerate() {
+            if let Some(frame) = frame {
+                values.row_mut(k).copy_from(&row(frame).transpose());
+            }
+        }
+        Table { columns: columns.to_vec(), values }
+    };
+    let reserve_columns = if settings.reserves.is_some() { names.coordinates.as_slice() } else { &[] };
+    let reserves = match settings.reserves {
+        Some(_) => table(reserve_columns, |s| &s.s),
+        None => Table { columns: Vec::new(), values: DMatrix::zeros(n, 0) },
+    };
+    let verdicts = frames
+        .iter()
+        .enumerate()
+        .map(|(k, frame)| match frame {
+            Some(frame) => frame.verdict.clone(),
+            None => unknown_loads(motion, motion.report.start + k),
+        })
+        .collect();
+    let forces = table(&names.muscles, |s| &s.f);
+    let activations =
+        Table { columns: names.muscles.clone(), values: DMatrix::zeros(n, names.muscles.len()) };
+    Ok(Effort {
+        time: loads.time.clone(),
+        reactions: table(&names.reactions, |s| &s.x),
+        forces,
+        activations,
+        reserves,
+        verdicts,
+    })
+}
+
+fn unknown_loads(motion: &Motion, frame: usize) -> Verdict {
+    let reason = motion.fit[frame].failure.clone();
+    Verdict {
+        status: Status::Failed,
+        reason: Some(reason.unwrap_or_else(|| "the joints are locked in this posture".into())),
+        kkt_residual: f64::NAN,
+        equality_residual: f64::NAN,
+        iterations: 0,
+        active_bounds: 0,
+        reserve_share: f64::NAN,
+        shortfall: Vec::new(),
+        saturated: Vec::new(),
+    }
+}
