@@ -32,11 +32,15 @@ fn lengths_of_trial() -> DMatrix<f64> {
     DMatrix::from_row_slice(N_FRAMES, model.units.len(), &rows)
 }
 
+const fn settings(curves: Curves, tendon: Tendon) -> Settings {
+    Settings { curves, tendon, velocity: FibreVelocity::LowPass { cutoff_hz: 6.0 } }
+}
+
 const CHOICES: [(&str, Settings); 4] = [
-    ("thelen_rigid", Settings { curves: Curves::Thelen(Thelen2003::GAIT2392), tendon: Tendon::Rigid }),
-    ("thelen_elastic", Settings { curves: Curves::Thelen(Thelen2003::GAIT2392), tendon: Tendon::Elastic }),
-    ("degroote_rigid", Settings { curves: Curves::DeGroote(DeGroote2016::OPENSIM), tendon: Tendon::Rigid }),
-    ("degroote_elastic", Settings { curves: Curves::DeGroote(DeGroote2016::OPENSIM), tendon: Tendon::Elastic }),
+    ("thelen_rigid", settings(Curves::Thelen(Thelen2003::GAIT2392), Tendon::Rigid)),
+    ("thelen_elastic", settings(Curves::Thelen(Thelen2003::GAIT2392), Tendon::Elastic)),
+    ("degroote_rigid", settings(Curves::DeGroote(DeGroote2016::OPENSIM), Tendon::Rigid)),
+    ("degroote_elastic", settings(Curves::DeGroote(DeGroote2016::OPENSIM), Tendon::Elastic)),
 ];
 
 #[divan::bench]
@@ -51,9 +55,9 @@ fn force_to_activation(bencher: divan::Bencher, choice: &str) {
     let units = &MusculotendonModel::generic().units;
     let lengths = lengths_of_trial();
     let forces = DMatrix::from_fn(N_FRAMES, units.len(), |_, m| 0.3 * units[m].f_max);
-    bencher.counter(ItemsCount::new(N_FRAMES)).bench(|| {
-        activations(units, &lengths, &forces, RATE, FibreVelocity::Differences, &settings).expect("shapes agree")
-    });
+    bencher
+        .counter(ItemsCount::new(N_FRAMES))
+        .bench(|| activations(units, &lengths, &forces, RATE, &settings).expect("shapes agree"));
 }
 
 #[divan::bench]

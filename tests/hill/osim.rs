@@ -145,7 +145,8 @@ pub fn tables(xml: &str, names: &[&str]) -> (String, String, String) {
         .unwrap();
         let path = muscle.child("GeometryPath").child("PathPointSet").child("objects");
         for (i, point) in path.children.iter().enumerate() {
-            let head = format!("{name},{},{},{}", i + 1, point.tag, point.child("socket_parent_frame").leaf());
+            let head =
+                format!("{name},{},{},{}", i + 1, point.tag, point.child("socket_parent_frame").leaf());
             match point.tag.as_str() {
                 "MovingPathPoint" => {
                     let spline = |axis: &str| {

@@ -12,6 +12,7 @@ use thiserror::Error;
 
 use super::MuscleTendon;
 use super::curves::Curves;
+use crate::filter::{LowPass, differentiate};
 
 /// Fibre lengths outside this range (multiples of l_opt) are limited to it before the curves are read.
 pub const LENGTH_RANGE: (f64, f64) = (0.4, 1.6);
@@ -29,33 +30,46 @@ const SHORTENING_STEPS: usize = 64;
 const CLIPPING: f64 = 1e-6;
 
 /// How the tendon follows its force.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tendon {
     /// Always at slack length; good for short tendons.
     Rigid,
     /// Along its force-strain curve.
-    #[default]
     Elastic,
 }
 
+/// Where the fibre velocity comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FibreVelocity {
+    /// V = 0 in every frame: a comparison that needs no derivative.
+    Isometric,
+    /// Central differences of the fibre length as it is, for data that are smooth already.
+    Differences,
+    /// Central differences of the fibre length after [`LowPass`], applied to each uninterrupted stretch of frames.
+    LowPass {
+        /// Cut-off frequency \[Hz\].
+        cutoff_hz: f64,
+    },
+}
+
 /// Choices of the way from force to activation.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// The curves.
     pub curves: Curves,
     /// The tendon.
     pub tendon: Tendon,
+    /// The fibre velocity.
+    pub velocity: FibreVelocity,
 }
 
-/// Where the fibre velocity comes from.
-#[derive(Clone, Copy)]
-pub enum FibreVelocity<'a> {
-    /// V = 0 in every frame: a comparison that needs no derivative.
-    Isometric,
-    /// Central differences of the fibre length as it is, for data that are smooth already.
-    Differences,
-    /// Central differences after this zero-phase low-pass filter: samples of one uninterrupted stretch in, as many out.
-    Filtered(&'a (dyn Fn(&[f64]) -> Vec<f64> + Sync)),
+impl Default for Settings {
+    /// Set A as in the gait2392 model, elastic tendon, fibre length filtered at 5 Hz (Moissenet et al.,
+    /// Multibody Syst Dyn 2012;28:125, for all derivatives).
+    fn default() -> Self {
+        let velocity = FibreVelocity::LowPass { cutoff_hz: 5.0 };
+        Self { curves: Curves::default(), tendon: Tendon::Elastic, velocity }
+    }
 }
 
 /// Why no activations were computed.
@@ -77,15 +91,15 @@ pub enum HillError {
     /// The frame rate is no rate.
     #[error("frame rate is {0} Hz, expected a positive number")]
     Rate(f64),
-    /// The filter did not keep the time base.
-    #[error("muscle `{muscle}`: the filter turned {samples} samples into {returned}; it must keep the number")]
-    Filter {
-        /// Name of the muscle.
-        muscle: String,
-        /// Samples handed to the filter.
-        samples: usize,
-        /// Samples it returned.
-        returned: usize,
+    /// No such low-pass filter.
+    #[error(
+        "cut-off {cutoff_hz} Hz of the fibre length must be positive and below half the frame rate of {rate} Hz"
+    )]
+    Cutoff {
+        /// Cut-off asked for \[Hz\].
+        cutoff_hz: f64,
+        /// Frame rate \[Hz\].
+        rate: f64,
     },
 }
 
@@ -128,7 +142,6 @@ pub fn activations(
     lengths: &DMatrix<f64>,
     forces: &DMatrix<f64>,
     rate: f64,
-    velocity: FibreVelocity,
     settings: &Settings,
 ) -> Result<HillResult, HillError> {
     let n_muscles = units.len();
@@ -139,6 +152,12 @@ pub fn activations(
     if !(rate > 0.0 && rate.is_finite()) {
         return Err(HillError::Rate(rate));
     }
+    let filter = match settings.velocity {
+        FibreVelocity::LowPass { cutoff_hz } => {
+            Some(LowPass::new(cutoff_hz, rate).ok_or(HillError::Cutoff { cutoff_hz, rate })?)
+        }
+        _ => None,
+    };
     let missing = DMatrix::from_element(n_frames, n_muscles, f64::NAN);
     let mut result = HillResult {
         activation: missing.clone(),
@@ -161,21 +180,16 @@ pub fn activations(
                     L
                 })
                 .collect();
-            let V = match velocity {
-                FibreVelocity::Isometric => vec![0.0; L.len()],
-                FibreVelocity::Differences => differences(&L, rate / unit.v_max),
-                FibreVelocity::Filtered(filter) => {
-                    let smooth = filter(&L);
-                    if smooth.len() != L.len() {
-                        let (samples, returned) = (L.len(), smooth.len());
-                        return Err(HillError::Filter { muscle: unit.name.clone(), samples, returned });
-                    }
-                    differences(&smooth, rate / unit.v_max)
+            let V = if settings.velocity == FibreVelocity::Isometric {
+                vec![0.0; L.len()]
+            } else {
+                counts.without_velocity += usize::from(L.len() == 1);
+                let step = unit.v_max / rate;
+                match &filter {
+                    Some(filter) => differentiate(&filter.apply(&L), step),
+                    None => differentiate(&L, step),
                 }
             };
-            if L.len() == 1 && !matches!(velocity, FibreVelocity::Isometric) {
-                counts.without_velocity += 1;
-            }
             for (k, i) in frames.enumerate() {
                 let a = activation(unit, &settings.curves, forces[(i, m)], L[k], V[k]);
                 counts.samples += 1;
@@ -343,7 +357,7 @@ pub fn equilibrium(
 pub fn excitation(unit: &MuscleTendon, activation: &[f64], rate: f64) -> Vec<f64> {
     let mut u = vec![f64::NAN; activation.len()];
     for frames in stretches(activation.len(), |i| activation[i].is_finite()) {
-        let slopes = differences(&activation[frames.clone()], rate);
+        let slopes = differentiate(&activation[frames.clone()], 1.0 / rate);
         for (i, slope) in frames.zip(slopes) {
             let a = activation[i];
             let pace = 0.5 + 1.5 * a;
@@ -392,22 +406,6 @@ fn stretches(n_frames: usize, present: impl Fn(usize) -> bool) -> Vec<std::ops::
         }
     }
     ranges
-}
-
-/// Derivative by differences of second order (one-sided at the ends), times `rate`; zero for a single sample.
-fn differences(x: &[f64], rate: f64) -> Vec<f64> {
-    let n = x.len();
-    (0..n)
-        .map(|i| {
-            rate * match n {
-                1 => 0.0,
-                2 => x[1] - x[0],
-                _ if i == 0 => -1.5 * x[0] + 2.0 * x[1] - 0.5 * x[2],
-                _ if i == n - 1 => 1.5 * x[n - 1] - 2.0 * x[n - 2] + 0.5 * x[n - 3],
-                _ => 0.5 * (x[i + 1] - x[i - 1]),
-            }
-        })
-        .collect()
 }
 
 /// Numbers behind [`Shares`].

@@ -353,7 +353,8 @@ fn read_paths(text: &str, units: &[MuscleTendon]) -> Result<Vec<Vec<PathPoint>>,
     for row in rows("points", text)? {
         let name = row.text("muscle")?;
         let muscle = units.iter().position(|u| u.name == name);
-        let muscle = muscle.ok_or_else(|| row.error(format!("muscle `{name}` is not in the muscle table")))?;
+        let muscle =
+            muscle.ok_or_else(|| row.error(format!("muscle `{name}` is not in the muscle table")))?;
         let path: &mut Vec<PathPoint> = &mut paths[muscle];
         if row.number("order")? != (path.len() + 1) as f64 {
             return Err(row.error(format!("point out of order, expected number {}", path.len() + 1)));
