@@ -1,1 +1,5 @@
 //! The command sartorius.
+
+pub mod measured;
+pub mod output;
+pub mod report;

@@ -1,0 +1,156 @@
+//! A folder whose files appear complete or not at all.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::OutputError;
+
+/// Name of the file that is written last: a folder that holds it is complete.
+pub const RUN_FILE: &str = "run.json";
+
+/// An output folder that is being filled.
+///
+/// Every file is written under a temporary name (`.NAME.partial`) in the same folder and renamed when its last
+/// byte is on the disk. `run.json` comes last, and the one of an earlier run is removed first, so a run that is
+/// killed at any moment leaves a folder without `run.json` and never half a table under its final name.
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    files: Vec<String>,
+}
+
+impl OutputFolder {
+    /// Creates the folder where it is absent, and takes back the claim of an earlier run to be complete.
+    pub fn open(path: &Path) -> Result<OutputFolder, OutputError> {
+        fs::create_dir_all(path).map_err(|e| OutputError::at("create the folder", path, e))?;
+        let folder = OutputFolder { path: path.to_path_buf(), files: Vec::new() };
+        folder.remove(RUN_FILE)?;
+        for entry in fs::read_dir(path).map_err(|e| OutputError::at("list the folder", path, e))? {
+            let name = entry.map_err(|e| OutputError::at("list the folder", path, e))?.file_name();
+            let name = name.to_string_lossy();
+            if name.starts_with('.') && name.ends_with(".partial") {
+                folder.remove(&name)?; // left behind by a run that was killed
+            }
+        }
+        Ok(folder)
+    }
+
+    /// Where the files go.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Names of the files written so far, in order.
+    pub fn files(&self) -> &[String] {
+        &self.files
+    }
+
+    /// Writes one file through `fill`. When `fill` or the disk fails nothing appears under `name`.
+    pub fn write(
+        &mut self,
+        name: &str,
+        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), OutputError> {
+        let temporary = self.path.join(format!(".{name}.partial"));
+        let written = write_and_sync(&temporary, fill)
+            .and_then(|()| fs::rename(&temporary, self.path.join(name)))
+            .map_err(|e| OutputError::at("write", &self.path.join(name), e));
+        if written.is_err() {
+            let _ = fs::remove_file(&temporary); // the first error is the one to report
+        } else {
+            self.files.push(name.to_string());
+        }
+        written
+    }
+
+    /// Makes sure that no file of this name is left from an earlier run.
+    pub fn remove(&self, name: &str) -> Result<(), OutputError> {
+        let path = self.path.join(name);
+        match fs::remove_file(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(OutputError::at("remove the old", &path, e)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes `run.json`, which declares the folder complete.
+    pub fn finish(mut self, record: &super::run::RunRecord) -> Result<Vec<String>, OutputError> {
+        self.write(RUN_FILE, |w| {
+            serde_json::to_writer_pretty(&mut *w, record)?;
+            w.write_all(b"\n")
+        })?;
+        Ok(self.files)
+    }
+}
+
+fn write_and_sync(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut writer = BufWriter::new(File::create(path)?);
+    fill(&mut writer)?;
+    // Without the sync a power cut could leave `run.json` beside tables that never reached the disk.
+    writer.into_inner().map_err(|e| e.into_error())?.sync_data()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::run::RunRecord;
+
+    fn names(path: &Path) -> Vec<String> {
+        let mut names: Vec<_> =
+            fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_older_file_and_no_temporary() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut folder = OutputFolder::open(dir.path()).unwrap();
+        folder.write("a.csv", |w| w.write_all(b"old")).unwrap();
+        let error = folder
+            .write("a.csv", |w| {
+                w.write_all(&[b'x'; 100_000])?; // more than the buffer, so that bytes do reach the file
+                Err(io::Error::from(io::ErrorKind::StorageFull))
+            })
+            .unwrap_err();
+        assert!(error.to_string().contains("a.csv") && error.to_string().contains("full"), "{error}");
+        assert_eq!(fs::read(dir.path().join("a.csv")).unwrap(), b"old");
+        assert_eq!(names(dir.path()), ["a.csv"]);
+    }
+
+    #[test]
+    fn the_final_name_appears_only_after_the_last_byte() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut folder = OutputFolder::open(dir.path()).unwrap();
+        folder
+            .write("a.csv", |w| {
+                w.write_all(b"1\n")?;
+                w.flush()?;
+                assert_eq!(names(dir.path()), [".a.csv.partial"]);
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(names(dir.path()), ["a.csv"]);
+    }
+
+    #[test]
+    fn opening_takes_back_run_json_and_clears_what_a_killed_run_left() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = OutputFolder::open(dir.path()).unwrap();
+        folder.finish(&RunRecord::new("optimize")).unwrap();
+        fs::write(dir.path().join(".b.csv.partial"), "half").unwrap();
+        fs::write(dir.path().join("notes.txt"), "mine").unwrap();
+        assert_eq!(names(dir.path()), [".b.csv.partial", "notes.txt", "run.json"]);
+        OutputFolder::open(dir.path()).unwrap();
+        assert_eq!(names(dir.path()), ["notes.txt"]);
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_the_folder_is_an_error_with_its_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("taken");
+        fs::write(&file, "x").unwrap();
+        let error = OutputFolder::open(&file.join("out")).unwrap_err();
+        assert!(error.to_string().contains("taken"), "{error}");
+    }
+}

@@ -1,0 +1,105 @@
+//! What a run writes: tables, files for OpenSim users, the report page and, last of all, `run.json`.
+
+pub mod atomic;
+pub mod run;
+pub mod sto;
+pub mod tables;
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use thiserror::Error;
+
+use crate::report::OptimizeReport;
+use atomic::OutputFolder;
+use run::RunRecord;
+use tables::Series;
+
+/// Why results could not be written or an input could not be described.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// The file system refused.
+    #[error("cannot {action} {path}: {source}{remedy}")]
+    Io {
+        /// What was attempted, e.g. `write`.
+        action: &'static str,
+        /// File or folder.
+        path: PathBuf,
+        /// The word of the operating system.
+        source: io::Error,
+        /// What may help, with a leading separator; empty where nothing is known.
+        remedy: &'static str,
+    },
+}
+
+impl OutputError {
+    fn at(action: &'static str, path: &Path, source: io::Error) -> OutputError {
+        use io::ErrorKind::*;
+        let remedy = match source.kind() {
+            StorageFull | QuotaExceeded => {
+                "; the disk is full: free some space or choose another folder with --out"
+            }
+            PermissionDenied | ReadOnlyFilesystem => "; choose a folder that may be written to with --out",
+            NotADirectory | AlreadyExists => "; a file is in the way: choose another folder with --out",
+            _ => "",
+        };
+        OutputError::Io { action, path: path.to_path_buf(), source, remedy }
+    }
+}
+
+/// Writes everything that `optimize` promises into `folder` and returns the names of the files, `run.json` last.
+///
+/// `record` comes with the stages timed so far; the time for writing is added here. All files but `run.json`
+/// hold the same bytes for the same results.
+pub fn write_optimize(
+    folder: &Path,
+    report: &OptimizeReport,
+    mut record: RunRecord,
+) -> Result<Vec<String>, OutputError> {
+    let started = Instant::now();
+    let name = &report.trial.name;
+    let mut out = OutputFolder::open(folder)?;
+
+    let kinematics = tables::kinematics(report.motion);
+    let forces = tables::muscle_forces(report.effort);
+    let activations = tables::activations(report.effort);
+    write_csv(&mut out, "kinematics", &kinematics)?;
+    write_csv(&mut out, "muscle_forces", &forces)?;
+    write_csv(&mut out, "activations", &activations)?;
+    write_csv(&mut out, "joint_forces", &tables::joint_forces(report.effort))?;
+    write_csv(&mut out, "joint_moments", &tables::joint_moments(report.loads))?;
+    write_csv(&mut out, "ground_reaction", &tables::ground_reaction(report.loads))?;
+    out.write("verdicts.csv", |w| tables::write_verdicts(w, report.motion, report.effort))?;
+    write_if_any(&mut out, "reserves", tables::reserves(report.effort))?;
+    write_if_any(&mut out, "measured_knee", report.measured.map(tables::measured_knee))?;
+
+    for (file, series, degrees) in [
+        ("kinematics", tables::angles(report.motion), true),
+        ("muscle_forces", forces.without_units(), false),
+        ("activations", activations, false),
+    ] {
+        out.write(&format!("{file}.sto"), |w| sto::write(w, &format!("{name} {file}"), &series, degrees))?;
+    }
+    let page = crate::report::optimize_page(report);
+    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+
+    record.verdict = serde_json::to_value(crate::report::Summary::of(report)).ok();
+    record.files = out.files().to_vec();
+    record.stage("write", started.elapsed());
+    record.peak_memory_mib = run::peak_memory_mib();
+    out.finish(&record)
+}
+
+fn write_csv(out: &mut OutputFolder, stem: &str, series: &Series) -> Result<(), OutputError> {
+    out.write(&format!("{stem}.csv"), |w| tables::write_csv(w, series))
+}
+
+/// Writes an optional table, or removes the one that an earlier run left.
+fn write_if_any(out: &mut OutputFolder, stem: &str, series: Option<Series>) -> Result<(), OutputError> {
+    match series {
+        Some(series) => write_csv(out, stem, &series),
+        None => out.remove(&format!("{stem}.csv")),
+    }
+}

@@ -1,0 +1,153 @@
+//! The last section of the page of `optimize`: what went wrong, subject, settings, muscles.
+
+use std::fmt::Write;
+
+use multibody::trial::{Sex, Side};
+
+use super::groups::grouped;
+use super::optimize::{Mark, View};
+use super::page::{grid, label_table, section, table};
+use super::svg::{escape, extent, fixed, significant};
+use super::{column, greatest};
+
+impl View<'_> {
+    pub(super) fn details(&self) -> String {
+        let report = self.report;
+        let mut content = self.frames_not_solved();
+        if !report.notes.is_empty() {
+            let _ = write!(content, "<h3>Notes</h3>\n{}", list(report.notes.iter().map(|n| escape(n))));
+        }
+        let settings: Vec<_> = report.settings.to_vec();
+        let tables = [label_table("Subject and trial", &self.subject()), label_table("Settings", &settings)];
+        content.push_str(&grid("half", &tables));
+        let left_out = report
+            .left_out
+            .iter()
+            .map(|(what, why)| format!("{}: <span class=\"note\">{}</span>", escape(what), escape(why)));
+        let lists = [
+            format!("<div><h3>Simulated</h3>\n{}</div>", list(report.simulated.iter().map(|s| escape(s)))),
+            format!("<div><h3>Left out</h3>\n{}</div>", list(left_out)),
+        ];
+        content.push_str(&grid("half", &lists));
+        let _ = write!(content, "<h3>Muscles</h3>\n{}", self.muscle_table());
+        content.push_str(
+            "<footer>Axes: x forward, y up, z to the right; a left leg is mirrored. Body weight: mass × 9.80665 m/s². \
+             The numbers behind the figures stand in the CSV and STO files beside this page, times and versions in run.json.</footer>",
+        );
+        section("Details", "", &content)
+    }
+
+    /// Consecutive frames with the same trouble as one row.
+    fn frames_not_solved(&self) -> String {
+        let marks = self.marks();
+        let trouble: Vec<(Mark, String)> = marks
+            .iter()
+            .enumerate()
+            .map(|(i, &mark)| (mark, if mark == Mark::Solved { String::new() } else { self.reason(i) }))
+            .collect();
+        let mut rows = Vec::new();
+        let mut from = 0;
+        for run in trouble.chunk_by(|a, b| a == b) {
+            let to = from + run.len() - 1;
+            if run[0].0 != Mark::Solved {
+                let time = &self.report.effort.time;
+                let (frames, when) = if from == to {
+                    (format!("{}", from + 1), self.when(time[from]))
+                } else {
+                    (
+                        format!("{}–{}", from + 1, to + 1),
+                        format!("{} to {}", self.when(time[from]), self.when(time[to])),
+                    )
+                };
+                rows.push(vec![frames, when, run[0].0.look().2.into(), run[0].1.clone()]);
+            }
+            from = to + 1;
+        }
+        if rows.is_empty() {
+            return String::new();
+        }
+        format!(
+            "<h3>Frames that are not solved</h3>\n{}",
+            table(&["frames", "when", "verdict", "why"], 4, &rows)
+        )
+    }
+
+    fn subject(&self) -> Vec<(String, String)> {
+        let (trial, loads) = (self.report.trial, self.report.loads);
+        let subject = &trial.subject;
+        let sex = match subject.sex {
+            Sex::Male => "male",
+            Sex::Female => "female",
+        };
+        let side = match trial.side {
+            Side::Right => "right",
+            Side::Left => "left (mirrored)",
+        };
+        let time = &self.report.effort.time;
+        let (first, last) =
+            (time.first().copied().unwrap_or(f64::NAN), time.last().copied().unwrap_or(f64::NAN));
+        let mut rows = vec![
+            ("Trial".to_string(), trial.name.clone()),
+            ("Leg".into(), side.into()),
+            (
+                "Subject".into(),
+                format!("{sex}, {} kg, {} m", significant(subject.mass, 3), fixed(subject.height, 2)),
+            ),
+            ("Frames".into(), format!("{} from {} to {} s", time.len(), fixed(first, 3), fixed(last, 3))),
+            ("Markers".into(), trial.markers.len().to_string()),
+        ];
+        if let Some([start, end]) = self.report.cycle {
+            rows.push(("Gait cycle".into(), format!("{} to {} s", fixed(start, 3), fixed(end, 3))));
+        }
+        let vertical: Vec<f64> = loads.ground_force.iter().map(|f| f.y).collect();
+        if let Some((_, peak)) = extent(&vertical) {
+            let bw = fixed(peak / self.report.body_weight(), 2);
+            rows.push(("Peak vertical ground force".into(), format!("{} N ({bw} BW)", fixed(peak, 0))));
+        }
+        rows
+    }
+
+    fn muscle_table(&self) -> String {
+        let effort = self.report.effort;
+        let mut rows = Vec::new();
+        for (group, members) in grouped(&effort.forces.columns) {
+            for j in members {
+                let Some(muscle) = self.report.muscles.get(j) else { continue };
+                let force = greatest(effort.forces.values.column(j).iter().copied().zip(&effort.time));
+                let activation = column(&effort.activations, &effort.forces.columns[j])
+                    .and_then(|a| extent(&a).map(|e| e.1))
+                    .unwrap_or(f64::NAN);
+                let peak = force.map_or(f64::NAN, |f| f.0);
+                rows.push(vec![
+                    effort.forces.columns[j].clone(),
+                    muscle.full_name.clone(),
+                    group.into(),
+                    fixed(muscle.f_max, 0),
+                    fixed(peak, 0),
+                    fixed(100.0 * peak / muscle.f_max, 0),
+                    force.filter(|f| f.0 > 0.5).map_or("–".into(), |f| self.when(*f.1)),
+                    fixed(activation, 2),
+                    muscle.clipped.map_or("–".into(), |c| fixed(100.0 * c, 1)),
+                ]);
+            }
+        }
+        let header = [
+            "muscle",
+            "name",
+            "group",
+            "strength, N",
+            "peak force, N",
+            "% of strength",
+            "at",
+            "peak activation",
+            "clipped, % of frames",
+        ];
+        table(&header, 3, &rows)
+    }
+}
+
+/// Items are HTML already.
+fn list(items: impl Iterator<Item = String>) -> String {
+    let items: String = items.map(|item| format!("<li>{item}</li>")).collect();
+    format!("<ul class=\"plain\">{items}</ul>\n")
+}

@@ -1,0 +1,230 @@
+//! What the page of `optimize` shows, in this order: verdict, figures, details.
+
+use std::fmt::Write;
+
+use multibody::trial::{FitVerdict, Status, Verdict};
+
+use super::page::document;
+use super::plot::TimeAxis;
+use super::svg::{escape, fixed, significant};
+use super::{OptimizeReport, STANCE_THRESHOLD, Summary};
+
+/// The whole page. All tables of the report have one row per reported frame.
+pub fn optimize_page(report: &OptimizeReport) -> String {
+    let summary = Summary::of(report);
+    let view = View { report, axis: time_axis(report), summary };
+    let body = [
+        view.headline(),
+        view.knee(),
+        view.measured(),
+        view.motion(),
+        view.loads(),
+        view.muscle_forces(),
+        view.activations(),
+        view.other_forces(),
+        view.quality(),
+        view.details(),
+    ]
+    .concat();
+    document(&format!("{} · static optimization · Sartorius", report.trial.name), &body)
+}
+
+pub(super) struct View<'a> {
+    pub(super) report: &'a OptimizeReport<'a>,
+    pub(super) axis: TimeAxis,
+    pub(super) summary: Summary,
+}
+
+/// How one frame ended, as shown in the strip.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Mark {
+    Solved,
+    Infeasible,
+    Failed,
+    NotFitted,
+}
+
+impl Mark {
+    const ALL: [Mark; 4] = [Mark::Solved, Mark::Infeasible, Mark::Failed, Mark::NotFitted];
+
+    /// Style class, letter, words.
+    pub(super) fn look(self) -> (&'static str, char, &'static str) {
+        match self {
+            Mark::Solved => ("s", 'S', "solved"),
+            Mark::Infeasible => ("i", 'I', "infeasible"),
+            Mark::Failed => ("f", 'F', "failed"),
+            Mark::NotFitted => ("m", 'M', "markers not fitted"),
+        }
+    }
+}
+
+fn time_axis(report: &OptimizeReport) -> TimeAxis {
+    let loads = report.loads;
+    let mut stance = Vec::new();
+    let standing: Vec<_> = loads.time.iter().zip(&loads.ground_force).map(|(&t, f)| (t, f.y)).collect();
+    for run in standing.split(|(_, vertical)| *vertical <= STANCE_THRESHOLD) {
+        if let (Some(first), Some(last)) = (run.first(), run.last()) {
+            stance.push([first.0, last.0]);
+        }
+    }
+    TimeAxis { time: report.effort.time.clone(), cycle: report.cycle, stance }
+}
+
+/// A column name for people: `hip_flexion` → `hip flexion`, `acl` → `ACL`.
+pub(super) fn words(name: &str) -> String {
+    match name {
+        "acl" | "pcl" | "mcl" | "lcl" => name.to_uppercase(),
+        _ => name.strip_suffix("_N").unwrap_or(name).replace('_', " "),
+    }
+}
+
+impl View<'_> {
+    /// `45 % (0.559 s)`, or the seconds alone.
+    pub(super) fn when(&self, t: f64) -> String {
+        match self.axis.percent(t) {
+            Some(p) => format!("{} % ({} s)", fixed(p, 0), fixed(t, 3)),
+            None => format!("{} s", fixed(t, 3)),
+        }
+    }
+
+    pub(super) fn marks(&self) -> Vec<Mark> {
+        let motion = self.report.motion;
+        let fits = &motion.fit[motion.report.clone()];
+        let mark = |(verdict, fit): (&Verdict, &FitVerdict)| match (fit.failure.is_some(), verdict.status) {
+            (true, _) => Mark::NotFitted,
+            (_, Status::Solved) => Mark::Solved,
+            (_, Status::Infeasible) => Mark::Infeasible,
+            (_, Status::Failed) => Mark::Failed,
+        };
+        self.report.effort.verdicts.iter().zip(fits).map(mark).collect()
+    }
+
+    fn headline(&self) -> String {
+        let (s, trial) = (&self.summary, self.report.trial);
+        let [start, end] = self.report.cycle.unwrap_or([0.0, 0.0]);
+        let mut out = format!(
+            "<header data-start=\"{start:?}\" data-end=\"{end:?}\">\n<p class=\"eyebrow\">Sartorius · static optimization of the lower limb</p>\n<h1>{}</h1>\n",
+            escape(&trial.name)
+        );
+        let others =
+            [(s.infeasible, "infeasible"), (s.failed, "failed"), (s.not_fitted, "without marker fit")];
+        let others: Vec<_> =
+            others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+        let (class, detail) = if s.all_solved() {
+            ("ok", "Optimality of every frame was recomputed from its answer.".to_string())
+        } else {
+            ("bad", format!("{}; listed under Details.", others.join(", ")))
+        };
+        let _ = writeln!(
+            out,
+            "<p class=\"verdict {class}\"><b>{} of {} frames solved</b><span>{}</span></p>",
+            s.solved,
+            s.frames,
+            escape(&detail)
+        );
+        out.push_str(&self.tiles());
+        out.push_str(&self.strip());
+        out.push_str("</header>\n");
+        out
+    }
+
+    fn tiles(&self) -> String {
+        let s = &self.summary;
+        let number = |v: Option<f64>, decimals| fixed(v.unwrap_or(f64::NAN), decimals);
+        let knee_time =
+            s.peak_knee_force_time_s.map_or_else(String::new, |t| format!(" at {}", self.when(t)));
+        let residual = |v: Option<f64>| v.map_or("–".into(), |v| significant(v, 2));
+        let tiles = [
+            (
+                "Peak knee force",
+                number(s.peak_knee_force_bw, 2),
+                "BW",
+                format!("{} N{knee_time}", number(s.peak_knee_force_N, 0)),
+            ),
+            (
+                "Marker residual, RMS",
+                number(s.marker_rms_mm, 1),
+                "mm",
+                format!("worst frame {} mm", number(s.worst_marker_rms_mm, 1)),
+            ),
+            (
+                "Largest muscle load",
+                number(s.largest_load.map(|l| 100.0 * l), 0),
+                "% of strength",
+                s.largest_load_muscle.as_deref().map_or_else(String::new, |name| self.full_name(name)),
+            ),
+            (
+                "Largest KKT residual",
+                residual(s.largest_kkt_residual),
+                "",
+                format!("among solved frames; tolerance {}", significant(self.report.kkt_tolerance, 1)),
+            ),
+        ];
+        let mut out = String::from("<div class=\"tiles\">\n");
+        for (label, value, unit, below) in tiles {
+            let _ = writeln!(
+                out,
+                "<div class=\"tile\"><span>{label}</span><b>{value} <small>{unit}</small></b><span>{}</span></div>",
+                escape(&below)
+            );
+        }
+        out.push_str("</div>\n");
+        out
+    }
+
+    pub(super) fn full_name(&self, muscle: &str) -> String {
+        let found = self.report.effort.forces.columns.iter().position(|c| c == muscle);
+        found.and_then(|j| self.report.muscles.get(j)).map_or(muscle.into(), |m| m.full_name.clone())
+    }
+
+    /// One cell per frame: colour, letter, and the reason in its title.
+    fn strip(&self) -> String {
+        let marks = self.marks();
+        let mut out = String::from("<h3>Verdict per frame</h3>\n<div class=\"strip\">");
+        for (i, mark) in marks.iter().enumerate() {
+            let (class, letter, words) = mark.look();
+            let verdict = &self.report.effort.verdicts[i];
+            let reason = if *mark == Mark::Solved {
+                format!("KKT residual {}", significant(verdict.kkt_residual, 2))
+            } else {
+                self.reason(i)
+            };
+            let when = self.when(self.report.effort.time[i]);
+            let title = format!("frame {}, {when}: {words}. {reason}", i + 1);
+            let _ = write!(out, "<span class=\"{class}\" title=\"{}\">{letter}</span>", escape(&title));
+        }
+        out.push_str("</div>\n<div class=\"keys\">");
+        for mark in Mark::ALL {
+            let (class, letter, words) = mark.look();
+            let n = marks.iter().filter(|m| **m == mark).count();
+            if n > 0 || mark == Mark::Solved {
+                let _ = write!(
+                    out,
+                    "<span><span class=\"strip\"><span class=\"{class}\">{letter}</span></span>{words}: {n}</span>"
+                );
+            }
+        }
+        out.push_str("</div>\n");
+        out
+    }
+
+    /// Why frame `i` is not solved.
+    pub(super) fn reason(&self, i: usize) -> String {
+        let motion = self.report.motion;
+        let verdict = &self.report.effort.verdicts[i];
+        let mut parts: Vec<String> = Vec::new();
+        parts.extend(motion.fit[motion.report.start + i].failure.clone());
+        parts.extend(verdict.reason.clone());
+        if !verdict.shortfall.is_empty() {
+            let lacks = verdict
+                .shortfall
+                .iter()
+                .map(|s| format!("{} lacks {} N·m", words(&s.coordinate), significant(s.missing, 3)));
+            parts.push(lacks.collect::<Vec<_>>().join(", "));
+        }
+        if !verdict.saturated.is_empty() {
+            parts.push(format!("at their bound: {}", verdict.saturated.join(", ")));
+        }
+        if parts.is_empty() { "no reason given".into() } else { parts.join("; ") }
+    }
+}
