@@ -7,11 +7,14 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use coupling::measured::{MeasuredKnee, Overlay};
+use coupling::measured::Overlay;
 use coupling::output::run::{RunRecord, RunStatus};
 use coupling::output::write_optimize;
 use coupling::report::{MuscleInfo, OptimizeReport, Summary, optimize_page};
+use multibody::kinematics::ANGLES;
 use multibody::natural::{Coordinates, SegmentId};
+use multibody::read::KneeForces;
+use multibody::sharing::REACTIONS;
 use multibody::trial::{
     Effort, FitVerdict, GroundReaction, Loads, MarkerTrack, Motion, Sex, Shortfall, Side, Status, Subject,
     Table, Trial, Verdict,
@@ -112,15 +115,19 @@ impl Walk {
             on * Vector3::new(-90.0 * bump(p, 0.12, 0.08) + 115.0 * bump(p, 0.53, 0.08), up, -0.06 * up)
         };
         let angles = |p: f64, j: usize| {
-            let degrees = match j {
-                0 => 17.0 + 19.0 * (TAU * p).cos(),
-                1 => 5.0 * (TAU * (p - 0.2)).cos(),
-                2 => 3.0 * (TAU * (p - 0.4)).cos(),
-                3 => 6.0 + 19.0 * bump(p, 0.14, 0.08) + 58.0 * bump(p, 0.73, 0.12),
-                4 => 1.5 * (TAU * p).sin(),
-                5 => 4.0 * bump(p, 0.73, 0.15),
-                6 => -6.0 + 13.0 * bump(p, 0.48, 0.15) - 6.0 * bump(p, 0.66, 0.05),
-                _ => 8.0 - 5.0 * bump(p, 0.3, 0.2),
+            let degrees = match ANGLES[j] {
+                "hip_flexion" => 17.0 + 19.0 * (TAU * p).cos(),
+                "hip_adduction" => 5.0 * (TAU * (p - 0.2)).cos(),
+                "hip_rotation" => 3.0 * (TAU * (p - 0.4)).cos(),
+                "knee_flexion" => 6.0 + 19.0 * bump(p, 0.14, 0.08) + 58.0 * bump(p, 0.73, 0.12),
+                "knee_adduction" => 1.5 * (TAU * p).sin(),
+                "knee_rotation" => 4.0 * bump(p, 0.73, 0.15),
+                "ankle_flexion" => -6.0 + 13.0 * bump(p, 0.48, 0.15) - 6.0 * bump(p, 0.66, 0.05),
+                "ankle_inversion" => 8.0 - 5.0 * bump(p, 0.3, 0.2),
+                "patella_flexion" => 10.0 + 40.0 * bump(p, 0.73, 0.12),
+                "pelvis_tilt" => -11.0 + (2.0 * TAU * p).sin(),
+                "pelvis_rotation" => 4.0 * (TAU * p).cos(),
+                _ => 3.0 * (TAU * p).sin(),
             };
             degrees.to_radians()
         };
@@ -129,21 +136,22 @@ impl Walk {
             let (_, _, _, centre, height) = MUSCLES[j];
             height * (0.97 * bump(p, centre, 0.1) + 0.03)
         };
-        let reactions = |p: f64, j: usize| match j {
-            0 => 60.0 + 1150.0 * bump(p, 0.15, 0.09) + 1300.0 * bump(p, 0.47, 0.1),
-            1 => 20.0 + 480.0 * bump(p, 0.16, 0.08) + 350.0 * bump(p, 0.49, 0.09),
-            2 => 90.0 * bump(p, 0.4, 0.2),
-            3 => 140.0 * bump(p, 0.7, 0.1),
-            4 => 60.0 * bump(p, 0.5, 0.3),
-            5 => 900.0 * bump(p, 0.14, 0.08),
-            6 => 400.0 * bump(p, 0.14, 0.08),
-            7 => -250.0 * bump(p, 0.14, 0.08),
-            8 => -60.0 * bump(p, 0.14, 0.08),
-            9 | 12 => 300.0 * bump(p, 0.5, 0.1) - 200.0 * bump(p, 0.1, 0.1),
-            10 => 300.0 + 1900.0 * bump(p, 0.15, 0.1) + 2100.0 * bump(p, 0.5, 0.1),
-            13 => 50.0 + 1100.0 * bump(p, 0.15, 0.1) + 2900.0 * bump(p, 0.48, 0.1),
-            11 | 14 => 250.0 * bump(p, 0.3, 0.2),
-            _ => 900.0 * bump(p, 0.45, 0.15),
+        let reactions = |p: f64, j: usize| match REACTIONS[j].name {
+            "knee_medial" => 60.0 + 1150.0 * bump(p, 0.15, 0.09) + 1300.0 * bump(p, 0.47, 0.1),
+            "knee_lateral" => 20.0 + 480.0 * bump(p, 0.16, 0.08) + 350.0 * bump(p, 0.49, 0.09),
+            "acl" => 90.0 * bump(p, 0.4, 0.2),
+            "pcl" => 140.0 * bump(p, 0.7, 0.1),
+            "mcl" => 60.0 * bump(p, 0.5, 0.3),
+            "patellar_tendon" => 900.0 * bump(p, 0.14, 0.08),
+            "patella_x" => 400.0 * bump(p, 0.14, 0.08),
+            "patella_y" => -250.0 * bump(p, 0.14, 0.08),
+            "patella_z" => -60.0 * bump(p, 0.14, 0.08),
+            "ankle_y" => 50.0 + 1100.0 * bump(p, 0.15, 0.1) + 2900.0 * bump(p, 0.48, 0.1),
+            "hip_y" => 300.0 + 1900.0 * bump(p, 0.15, 0.1) + 2100.0 * bump(p, 0.5, 0.1),
+            "hip_x" | "ankle_x" => 300.0 * bump(p, 0.5, 0.1) - 200.0 * bump(p, 0.1, 0.1),
+            "hip_z" | "ankle_z" => 250.0 * bump(p, 0.3, 0.2),
+            "tibia_axial" => 900.0 * bump(p, 0.45, 0.15),
+            _ => 100.0 * bump(p, 0.45, 0.15),
         };
         let moments = |p: f64, j: usize| match j {
             0 => 45.0 * bump(p, 0.08, 0.1) - 50.0 * bump(p, 0.55, 0.1),
@@ -199,6 +207,7 @@ impl Walk {
             loads: Loads {
                 time: time.clone(),
                 generalised: vec![SVector::zeros(); FRAMES],
+                reduced: vec![None; FRAMES],
                 moments: table(&MOMENTS, FRAMES, moments, 0),
                 centre_of_pressure: ground_force
                     .iter()
@@ -211,7 +220,7 @@ impl Walk {
                 time,
                 forces: table(&names, FRAMES, |p, j| MUSCLES[j].2 * activation(p, j), 0),
                 activations: table(&names, FRAMES, activation, 0),
-                reactions: table(&REACTIONS, FRAMES, reactions, 0),
+                reactions: table(&reaction_names(), FRAMES, reactions, 0),
                 reserves: Table { columns: vec![], values: DMatrix::zeros(FRAMES, 0) },
                 verdicts: verdicts.collect(),
             },
@@ -241,7 +250,6 @@ impl Walk {
             effort: &self.effort,
             muscles: &self.muscles,
             cycle: Some([0.0, CYCLE]),
-            kkt_tolerance: 1e-8,
             settings: &self.settings,
             simulated: &self.simulated,
             left_out: &self.left_out,
@@ -283,45 +291,20 @@ impl Walk {
             .iter()
             .map(|t| 60.0 + 500.0 * bump(p(t), 0.16, 0.1) + 300.0 * bump(p(t), 0.5, 0.1))
             .collect();
-        let measured = MeasuredKnee { time, medial, lateral };
+        let measured = KneeForces { time, medial, lateral };
         self.overlay = Some(Overlay::new(&measured, &self.effort, self.trial.subject.mass).unwrap());
         self
     }
 }
 
-const ANGLES: [&str; 8] = [
-    "hip_flexion",
-    "hip_adduction",
-    "hip_rotation",
-    "knee_flexion",
-    "knee_adduction",
-    "knee_rotation",
-    "ankle_flexion",
-    "ankle_inversion",
-];
+/// The coordinates of the leg with the universal ankle.
 const MOMENTS: [&str; 6] =
-    ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion", "ankle_flexion", "ankle_inversion"];
-const REACTIONS: [&str; 19] = [
-    "knee_medial",
-    "knee_lateral",
-    "acl",
-    "pcl",
-    "mcl",
-    "patellar_tendon",
-    "patellofemoral_x",
-    "patellofemoral_y",
-    "patellofemoral_z",
-    "hip_x",
-    "hip_y",
-    "hip_z",
-    "ankle_x",
-    "ankle_y",
-    "ankle_z",
-    "foot_axial",
-    "tibia_axial",
-    "patella_axial",
-    "femur_axial",
-];
+    ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion", "ankle_flexion", "subtalar_inversion"];
+
+/// The names that the model gives its reactions, both ankles together.
+fn reaction_names() -> Vec<&'static str> {
+    REACTIONS.iter().map(|reaction| reaction.name).collect()
+}
 
 fn write(walk: &Walk, folder: &Path) -> Vec<String> {
     write_optimize(folder, &walk.report(), RunRecord::new("optimize")).unwrap()
@@ -346,7 +329,7 @@ fn tables_have_the_promised_columns_and_give_back_the_numbers() {
         ("kinematics", [suffixed(&ANGLES, "_deg"), vec!["marker_rms_mm".into()]].concat()),
         ("muscle_forces", suffixed(&muscles, "_N")),
         ("activations", suffixed(&muscles, "")),
-        ("joint_forces", suffixed(&REACTIONS, "_N")),
+        ("joint_forces", suffixed(&reaction_names(), "_N")),
         ("joint_moments", suffixed(&MOMENTS, "_Nm")),
         (
             "ground_reaction",
@@ -471,13 +454,15 @@ fn run_json_counts_the_frames_and_is_the_only_file_with_times() {
 #[test]
 fn the_summary_finds_the_peaks() {
     let mut walk = Walk::new();
+    let [medial, lateral] = ["knee_medial", "knee_lateral"]
+        .map(|name| REACTIONS.iter().position(|reaction| reaction.name == name).unwrap());
     for i in 0..FRAMES {
-        walk.effort.reactions.values[(i, 0)] = 100.0 + i as f64;
-        walk.effort.reactions.values[(i, 1)] = 50.0;
+        walk.effort.reactions.values[(i, medial)] = 100.0 + i as f64;
+        walk.effort.reactions.values[(i, lateral)] = 50.0;
         walk.motion.fit[MARGIN + i].marker_rms = if i % 2 == 0 { 3e-3 } else { 5e-3 };
     }
     walk.motion.fit[0].marker_rms = 1.0; // outside the reported frames
-    walk.effort.reactions.values[(30, 1)] = 9000.0; // but not solved
+    walk.effort.reactions.values[(30, lateral)] = 9000.0; // but not solved
     walk.effort.verdicts[30].status = Status::Infeasible;
     let tibpost = MUSCLES.iter().position(|m| m.0 == "tibpost").unwrap();
     walk.effort.forces.values[(40, tibpost)] = 1.5 * MUSCLES[tibpost].2;

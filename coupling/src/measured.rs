@@ -5,21 +5,11 @@
 
 #![allow(non_snake_case)]
 
+use multibody::read::KneeForces;
 use multibody::trial::Effort;
 use thiserror::Error;
 
 use crate::report::STANDARD_GRAVITY;
-
-/// Medial and lateral tibiofemoral force of an instrumented knee, compression positive.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MeasuredKnee {
-    /// Sample times on the clock of the trial \[s\], increasing.
-    pub time: Vec<f64>,
-    /// Medial force \[N\]; NaN where the sensor gave nothing.
-    pub medial: Vec<f64>,
-    /// Lateral force \[N\]; NaN where the sensor gave nothing.
-    pub lateral: Vec<f64>,
-}
 
 /// Why the two cannot be compared.
 #[derive(Debug, Error, PartialEq)]
@@ -128,8 +118,8 @@ impl Overlay {
     /// Compares `measured` with the columns `knee_medial` and `knee_lateral` of the reactions.
     ///
     /// `mass`: body mass \[kg\], for body weights.
-    pub fn new(measured: &MeasuredKnee, effort: &Effort, mass: f64) -> Result<Overlay, MeasuredError> {
-        measured.check()?;
+    pub fn new(measured: &KneeForces, effort: &Effort, mass: f64) -> Result<Overlay, MeasuredError> {
+        check(measured)?;
         let medial = reaction(effort, "knee_medial")?;
         let lateral = reaction(effort, "knee_lateral")?;
         let mut time = Vec::new();
@@ -171,21 +161,19 @@ impl Overlay {
     }
 }
 
-impl MeasuredKnee {
-    fn check(&self) -> Result<(), MeasuredError> {
-        let (time, medial, lateral) = (self.time.len(), self.medial.len(), self.lateral.len());
-        if medial != time || lateral != time {
-            return Err(MeasuredError::Lengths { time, medial, lateral });
-        }
-        let mut before = f64::NEG_INFINITY;
-        for (i, &t) in self.time.iter().enumerate() {
-            if !(t.is_finite() && t > before) {
-                return Err(MeasuredError::Time { row: i + 1, time: t });
-            }
-            before = t;
-        }
-        Ok(())
+fn check(measured: &KneeForces) -> Result<(), MeasuredError> {
+    let (time, medial, lateral) = (measured.time.len(), measured.medial.len(), measured.lateral.len());
+    if medial != time || lateral != time {
+        return Err(MeasuredError::Lengths { time, medial, lateral });
     }
+    let mut before = f64::NEG_INFINITY;
+    for (i, &t) in measured.time.iter().enumerate() {
+        if !(t.is_finite() && t > before) {
+            return Err(MeasuredError::Time { row: i + 1, time: t });
+        }
+        before = t;
+    }
+    Ok(())
 }
 
 fn reaction(effort: &Effort, column: &'static str) -> Result<Vec<f64>, MeasuredError> {
@@ -263,7 +251,7 @@ mod tests {
     #[test]
     fn rmse_r2_and_peaks_are_those_worked_by_hand() {
         // The measurement has a sample every 0.5 s, half of them between the frames: 0, 100, 200, 300 at 0, 1, 2, 3.
-        let measured = MeasuredKnee {
+        let measured = KneeForces {
             time: vec![-0.5, 0.5, 1.5, 2.5, 3.5],
             medial: vec![-50.0, 50.0, 150.0, 250.0, 350.0],
             lateral: vec![100.0; 5],
@@ -292,7 +280,7 @@ mod tests {
 
     #[test]
     fn a_gap_in_the_sensor_or_a_failed_frame_is_left_out_not_bridged() {
-        let measured = MeasuredKnee {
+        let measured = KneeForces {
             time: vec![0.0, 1.0, 2.0, 3.0, 4.0],
             medial: vec![0.0, f64::NAN, 2.0, 3.0, 4.0],
             lateral: vec![0.0; 5],
@@ -305,7 +293,7 @@ mod tests {
 
     #[test]
     fn errors_name_what_is_wrong() {
-        let measured = |time: Vec<f64>| MeasuredKnee { medial: time.clone(), lateral: time.clone(), time };
+        let measured = |time: Vec<f64>| KneeForces { medial: time.clone(), lateral: time.clone(), time };
         let model = effort(&[0.0, 1.0], &[0.0; 2], &[0.0; 2]);
         let error = |time| Overlay::new(&measured(time), &model, 70.0).unwrap_err();
         assert_eq!(error(vec![0.0, 2.0, 1.0]), MeasuredError::Time { row: 3, time: 1.0 });

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use multibody::sharing::KKT_TOLERANCE;
 use multibody::trial::{Table, Verdict};
 
 use super::groups::grouped;
@@ -141,7 +142,10 @@ impl View<'_> {
         unit: &'static str,
         missing: &dyn Fn(usize) -> bool,
     ) -> Vec<String> {
-        let joint = |name: &str| name.split_once('_').map_or(name, |(joint, _)| joint).to_string();
+        let joint = |name: &str| match name.split_once('_').map_or(name, |(joint, _)| joint) {
+            "subtalar" => "ankle".to_string(), // drawn beside the other axis of the same ankle
+            joint => joint.to_string(),
+        };
         let mut joints: Vec<String> = Vec::new();
         for name in &table.columns {
             if !joints.contains(&joint(name)) {
@@ -303,7 +307,7 @@ impl View<'_> {
 
     pub(super) fn other_forces(&self) -> String {
         let mut figures = Vec::new();
-        for panel in [Panel::Hip, Panel::Ankle, Panel::Bones, Panel::Other] {
+        for panel in [Panel::Hip, Panel::Ankle, Panel::AnkleLigaments, Panel::Bones, Panel::Other] {
             let columns = self.reactions_on(panel);
             if !columns.is_empty() {
                 figures.push(self.reaction_plot(panel, &columns));
@@ -330,7 +334,7 @@ impl View<'_> {
         let bounds = line("active bounds", "c3", values(&|v| v.active_bounds as f64));
         let residuals = Plot {
             scale: Scale::Log,
-            bound: Some((self.report.kkt_tolerance, "tolerance")),
+            bound: Some((KKT_TOLERANCE, "tolerance")),
             ..self.plot("Residuals of force sharing", "relative", vec![kkt, equality])
         };
         let mut figures =
@@ -353,6 +357,7 @@ enum Panel {
     Patella,
     Hip,
     Ankle,
+    AnkleLigaments,
     Bones,
     Other,
 }
@@ -362,7 +367,8 @@ impl Panel {
         let name = column.strip_suffix("_N").unwrap_or(column);
         match name {
             "knee_medial" | "knee_lateral" => Panel::Knee,
-            "acl" | "pcl" | "mcl" | "lcl" => Panel::Ligaments,
+            "acl" | "pcl" | "mcl" => Panel::Ligaments,
+            "ticalcaneal" | "calcaneofibular" => Panel::AnkleLigaments,
             _ if name.contains("axial") || name.contains("bone") => Panel::Bones,
             _ if name.starts_with("patell") => Panel::Patella,
             _ if name.starts_with("hip") => Panel::Hip,
@@ -378,6 +384,7 @@ impl Panel {
             Panel::Patella => "Patella and its tendon",
             Panel::Hip => "Hip contact",
             Panel::Ankle => "Ankle contact",
+            Panel::AnkleLigaments => "Ankle ligaments",
             Panel::Bones => "Axial bone forces",
             Panel::Other => "Other forces",
         }
@@ -389,6 +396,7 @@ impl Panel {
         let component = name.rsplit('_').next().filter(|c| matches!(*c, "x" | "y" | "z"));
         match (self, component) {
             (Panel::Hip | Panel::Ankle, Some(axis)) => axis.into(),
+            (Panel::Patella, Some(axis)) => format!("contact {axis}"),
             (Panel::Bones, _) => name.replace("_axial", "").replace("axial_", ""),
             _ => name.into(),
         }

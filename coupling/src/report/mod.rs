@@ -53,8 +53,6 @@ pub struct OptimizeReport<'a> {
     pub muscles: &'a [MuscleInfo],
     /// Heel strike to next heel strike of the leg under study \[s\]; `None` where the frames are no full cycle.
     pub cycle: Option<[f64; 2]>,
-    /// KKT residual below which a frame counts as solved.
-    pub kkt_tolerance: f64,
     /// Settings as label and value, in the order to show.
     pub settings: &'a [(String, String)],
     /// Effects that were simulated, one sentence each.

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use multibody::sharing::KKT_TOLERANCE;
 use multibody::trial::{FitVerdict, Status, Verdict};
 
 use super::page::document;
@@ -73,7 +74,7 @@ fn time_axis(report: &OptimizeReport) -> TimeAxis {
 /// A column name for people: `hip_flexion` → `hip flexion`, `acl` → `ACL`.
 pub(super) fn words(name: &str) -> String {
     match name {
-        "acl" | "pcl" | "mcl" | "lcl" => name.to_uppercase(),
+        "acl" | "pcl" | "mcl" => name.to_uppercase(),
         _ => name.strip_suffix("_N").unwrap_or(name).replace('_', " "),
     }
 }
@@ -157,7 +158,7 @@ impl View<'_> {
                 "Largest KKT residual",
                 residual(s.largest_kkt_residual),
                 "",
-                format!("among solved frames; tolerance {}", significant(self.report.kkt_tolerance, 1)),
+                format!("among solved frames; tolerance {}", significant(KKT_TOLERANCE, 1)),
             ),
         ];
         let mut out = String::from("<div class=\"tiles\">\n");
