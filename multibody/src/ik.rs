@@ -25,6 +25,8 @@ const TOLERANCE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
 /// Largest rotation of a segment in one step \[rad\].
 const LARGEST_TURN: f64 = 0.5;
+/// Turn of a joint away from the marker-based posture that makes a fit doubtful \[rad\].
+const STRAY_ANGLE: f64 = 0.6;
 /// A residual above this multiple of the trial's median plus the margin \[m\] stands out.
 const OUTLIER_FACTOR: f64 = 1.5;
 const OUTLIER_MARGIN: f64 = 2e-3;
@@ -128,32 +130,60 @@ fn fit_chunk(
             let distance = |k: &usize| k.abs_diff(frame);
             (0..starts.len()).filter(|&k| starts[k].is_some()).min_by_key(distance).and_then(|k| starts[k])
         };
-        let candidates = [previous, starts[frame], nearest()];
-        let mut attempt = None;
-        'attempts: for approach in [false, true] {
-            for start in candidates.iter().flatten() {
-                let result = solver.fit(&targets, start, approach);
-                let fitted = result.is_ok();
-                attempt = Some(result);
-                if fitted {
-                    break 'attempts;
-                }
-            }
-        }
-        let result = attempt.unwrap_or_else(|| {
-            Err(FitVerdict {
-                failure: Some("no start posture: too few markers in every frame".into()),
-                markers_seen: seen_per_segment(model, &targets),
-                marker_rms: f64::NAN,
-                iterations: 0,
-                residual: f64::NAN,
-                constraint: f64::NAN,
-            })
-        });
+        let result = best_fit(&mut solver, &targets, [previous, starts[frame], nearest()], starts[frame]);
         previous = result.as_ref().ok().map(|f| f.Q);
         results.push(result);
     }
     results
+}
+
+/// Fits from one start after the other until a fit does not stray from what the markers alone suggest; if all stray, the
+/// one with the least residual.
+fn best_fit(
+    solver: &mut Solver,
+    targets: &[Option<Vector3<f64>>],
+    starts: [Option<Coordinates>; 3],
+    suggested: Option<Coordinates>,
+) -> Result<FittedFrame, FitVerdict> {
+    let mut best: Option<FittedFrame> = None;
+    let mut failure = None;
+    for approach in [false, true] {
+        for start in starts.iter().flatten() {
+            match solver.fit(targets, start, approach) {
+                Ok(fit) if suggested.is_none_or(|s| !strays(solver.model, &fit.Q, &s)) => return Ok(fit),
+                Ok(fit) => {
+                    if best.as_ref().is_none_or(|b| fit.verdict.marker_rms < b.verdict.marker_rms) {
+                        best = Some(fit);
+                    }
+                }
+                Err(verdict) => failure = Some(verdict),
+            }
+        }
+    }
+    best.ok_or_else(|| {
+        failure.unwrap_or_else(|| FitVerdict {
+            failure: Some("no start posture: too few markers in every frame".into()),
+            markers_seen: seen_per_segment(solver.model, targets),
+            marker_rms: f64::NAN,
+            iterations: 0,
+            residual: f64::NAN,
+            constraint: f64::NAN,
+        })
+    })
+}
+
+/// Whether a joint or the pelvis is turned far from a marker-based posture: the mark of a wrong root of the joint equations
+/// (the knee's second root is turned by about 75 degrees).
+fn strays(model: &Model, Q: &Coordinates, suggested: &Coordinates) -> bool {
+    use SegmentId::{Foot, Pelvis, Shank, Thigh};
+    let R = |segment: SegmentId, Q: &Coordinates| model.pose(segment, Q).R;
+    let far =
+        |a: Matrix3<f64>, b: Matrix3<f64>| ((a.transpose() * b).trace() - 1.0) / 2.0 < f64::cos(STRAY_ANGLE);
+    let joint = |a, b, Q: &Coordinates| R(a, Q).transpose() * R(b, Q);
+    far(R(Pelvis, Q), R(Pelvis, suggested))
+        || [(Pelvis, Thigh), (Thigh, Shank), (Shank, Foot)]
+            .iter()
+            .any(|&(a, b)| far(joint(a, b, Q), joint(a, b, suggested)))
 }
 
 fn seen_per_segment(model: &Model, targets: &[Option<Vector3<f64>>]) -> [usize; 5] {
