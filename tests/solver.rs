@@ -1,1 +1,501 @@
-//! Placeholder until its stage stands.
+//! Does the solver find equilibria, refuse what has none, and name why?
+//!
+//! Asked of a lattice of springs, whose answers need no finite element: a spring that is compressed has an
+//! indefinite Hessian, and one shorter than a third of its length counts as inverted.
+
+use fem::solve::{
+    Analysis, BlockMatrix, Cholesky, Island, Iteration, IterationLog, Loading, NotConverged, PRESCRIBED,
+    Pattern, Potential, Reason, Settings, Slots, SolveError, Solver, advance_islands,
+};
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::sync::Arc;
+
+/// Springs between the nodes of a grid, edges and diagonals of every cell.
+struct Lattice {
+    /// Current positions of prescribed nodes, rest positions of free ones; node-major.
+    points: Vec<[f64; 3]>,
+    rest: Vec<[f64; 3]>,
+    /// Free index of every node.
+    free: Vec<u32>,
+    springs: Vec<[u32; 2]>,
+    length: Vec<f64>,
+    slots: Slots,
+    pattern: Arc<Pattern>,
+    fixed: Vec<bool>,
+    /// Displacement of a prescribed point at load 1.
+    motion: fn(&[f64; 3]) -> [f64; 3],
+    linear: bool,
+}
+
+/// Stiffness \[N/m\] of every spring.
+const STIFFNESS: f64 = 100.0;
+/// Length ratio at which a spring counts as inverted.
+const LEAST: f64 = 1.0 / 3.0;
+
+impl Lattice {
+    /// `n` nodes along each axis, 1 m apart; `held`: is this point prescribed; `roller`: is its z prescribed.
+    fn new(
+        n: [usize; 3],
+        held: impl Fn(&[f64; 3]) -> bool,
+        roller: impl Fn(&[f64; 3]) -> bool,
+        motion: fn(&[f64; 3]) -> [f64; 3],
+    ) -> Lattice {
+        let mut rest = Vec::new();
+        for i in 0..n[0] {
+            for j in 0..n[1] {
+                for k in 0..n[2] {
+                    rest.push([i as f64, j as f64, k as f64]);
+                }
+            }
+        }
+        let mut free = Vec::new();
+        let mut fixed = Vec::new();
+        let mut n_free = 0;
+        for p in &rest {
+            if held(p) {
+                free.push(PRESCRIBED);
+            } else {
+                free.push(n_free);
+                n_free += 1;
+                fixed.extend([false, false, roller(p)]);
+            }
+        }
+        let mut springs = Vec::new();
+        for a in 0..rest.len() {
+            for b in a + 1..rest.len() {
+                let far = (0..3).map(|c| (rest[a][c] - rest[b][c]).abs()).fold(0.0, f64::max);
+                if far <= 1.0 && (free[a] != PRESCRIBED || free[b] != PRESCRIBED) {
+                    springs.push([a as u32, b as u32]);
+                }
+            }
+        }
+        Lattice::of(rest, free, fixed, springs, motion)
+    }
+
+    fn of(
+        rest: Vec<[f64; 3]>,
+        free: Vec<u32>,
+        fixed: Vec<bool>,
+        springs: Vec<[u32; 2]>,
+        motion: fn(&[f64; 3]) -> [f64; 3],
+    ) -> Lattice {
+        let at = |i: u32| Vector3::from(rest[i as usize]);
+        let length = springs.iter().map(|s| (at(s[0]) - at(s[1])).norm()).collect();
+        let n_free = free.iter().filter(|&&f| f != PRESCRIBED).count();
+        let nodes: Vec<u32> = springs.iter().flatten().map(|&i| free[i as usize]).collect();
+        let pattern = Arc::new(Pattern::new(n_free, nodes.chunks(2)));
+        let slots = pattern.slots(2, &nodes);
+        let points = rest.clone();
+        Lattice { points, rest, free, springs, length, slots, pattern, fixed, motion, linear: false }
+    }
+
+    fn start(&self) -> Vec<f64> {
+        let free = self.free.iter().zip(&self.rest).filter(|(f, _)| **f != PRESCRIBED);
+        free.flat_map(|(_, p)| *p).collect()
+    }
+
+    fn position(&self, x: &[f64], node: u32) -> Vector3<f64> {
+        match self.free[node as usize] {
+            PRESCRIBED => self.points[node as usize].into(),
+            f => Vector3::from_column_slice(&x[3 * f as usize..3 * f as usize + 3]),
+        }
+    }
+
+    /// Elongation, direction and length ratio of a spring.
+    fn spring(&self, x: &[f64], s: usize) -> (f64, Vector3<f64>, f64) {
+        let [a, b] = self.springs[s];
+        let d = self.position(x, b) - self.position(x, a);
+        if self.linear {
+            let d0 = Vector3::from(self.rest[b as usize]) - Vector3::from(self.rest[a as usize]);
+            let n = d0.normalize();
+            return (n.dot(&(d - d0)), n, 1.0);
+        }
+        (d.norm() - self.length[s], d.normalize(), d.norm() / self.length[s])
+    }
+}
+
+impl Potential for Lattice {
+    fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    fn fixed(&self) -> &[bool] {
+        &self.fixed
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let energy = |s| match self.spring(x, s) {
+            (_, _, ratio) if ratio < LEAST => f64::INFINITY,
+            (e, _, _) => 0.5 * STIFFNESS * e * e,
+        };
+        (0..self.springs.len()).map(energy).sum()
+    }
+
+    fn gradient(&self, x: &[f64], g: &mut [f64]) {
+        g.fill(0.0);
+        self.slots.add_vectors(g, 16, |first, out| {
+            for (s, out) in out.chunks_exact_mut(6).enumerate() {
+                let (e, n, _) = self.spring(x, first + s);
+                for i in 0..3 {
+                    out[i] = -STIFFNESS * e * n[i];
+                    out[3 + i] = STIFFNESS * e * n[i];
+                }
+            }
+        });
+    }
+
+    fn hessian(&self, x: &[f64], projected: bool, k: &mut BlockMatrix) {
+        k.clear();
+        k.add_groups(&self.slots, 16, |first, out| {
+            for (s, out) in out.chunks_exact_mut(36).enumerate() {
+                let (e, n, _) = self.spring(x, first + s);
+                let across = if self.linear { 0.0 } else { STIFFNESS * e / (e + self.length[first + s]) };
+                let across = if projected { across.max(0.0) } else { across };
+                for i in 0..6 {
+                    for j in 0..6 {
+                        let (p, q) = (i % 3, j % 3);
+                        let along = n[p] * n[q];
+                        let block = STIFFNESS * along + across * (f64::from(p == q) - along);
+                        out[6 * i + j] = if (i < 3) == (j < 3) { block } else { -block };
+                    }
+                }
+            }
+        });
+    }
+
+    fn force_scale(&self, x: &[f64]) -> f64 {
+        let forces = (0..self.springs.len()).map(|s| STIFFNESS * self.spring(x, s).0);
+        forces.map(|f| f * f).sum::<f64>().sqrt()
+    }
+
+    fn least_det_f(&self, x: &[f64]) -> (f64, String) {
+        let ratio = |s| self.spring(x, s).2;
+        let worst = (0..self.springs.len()).min_by(|&a, &b| ratio(a).total_cmp(&ratio(b))).unwrap();
+        (ratio(worst), format!("spring {worst}"))
+    }
+}
+
+impl Loading for Lattice {
+    fn set_load(&mut self, t: f64, x: &mut [f64]) {
+        for (i, p) in self.rest.iter().enumerate() {
+            let u = (self.motion)(p);
+            let to = [p[0] + t * u[0], p[1] + t * u[1], p[2] + t * u[2]];
+            match self.free[i] as usize {
+                f if f as u32 == PRESCRIBED => self.points[i] = to,
+                f if self.fixed[3 * f + 2] => x[3 * f + 2] = to[2],
+                _ => {}
+            }
+        }
+    }
+}
+
+fn no_motion(_: &[f64; 3]) -> [f64; 3] {
+    [0.0; 3]
+}
+
+fn norm(a: &[f64]) -> f64 {
+    a.iter().map(|a| a * a).sum::<f64>().sqrt()
+}
+
+fn residual(lattice: &Lattice, x: &[f64]) -> f64 {
+    let mut g = vec![0.0; x.len()];
+    lattice.gradient(x, &mut g);
+    for (g, _) in g.iter_mut().zip(&lattice.fixed).filter(|(_, fixed)| **fixed) {
+        *g = 0.0;
+    }
+    norm(&g)
+}
+
+fn dense(k: &BlockMatrix) -> DMatrix<f64> {
+    let n = k.pattern().n_nodes();
+    let mut full = DMatrix::zeros(3 * n, 3 * n);
+    for i in 0..n {
+        for (&j, b) in k.pattern().row(i).iter().zip(k.row(i)) {
+            for r in 0..3 {
+                for c in 0..3 {
+                    full[(3 * i + r, 3 * j as usize + c)] = b[3 * r + c];
+                }
+            }
+        }
+    }
+    full
+}
+
+#[test]
+fn assembled_matrix_is_the_sum_of_its_springs() {
+    let lattice = Lattice::new([3, 4, 3], |p| p[2] == 0.0, |_| false, no_motion);
+    let x: Vec<f64> = lattice.start().iter().enumerate().map(|(i, x)| x + 0.1 * (i as f64).sin()).collect();
+    let mut k = BlockMatrix::zeros(lattice.pattern.clone());
+    lattice.hessian(&x, false, &mut k);
+    let k = dense(&k);
+    let h = 1e-6;
+    let (mut high, mut low) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+    for j in 0..x.len() {
+        let mut moved = x.clone();
+        moved[j] += h;
+        lattice.gradient(&moved, &mut high);
+        moved[j] -= 2.0 * h;
+        lattice.gradient(&moved, &mut low);
+        for i in 0..x.len() {
+            let difference = (high[i] - low[i]) / (2.0 * h);
+            assert!((k[(i, j)] - difference).abs() < 1e-6 * STIFFNESS, "entry ({i}, {j})");
+        }
+    }
+}
+
+#[test]
+fn factor_solves_like_a_dense_one() {
+    let lattice = Lattice::new([5, 6, 7], |p| p[2] == 0.0, |_| false, no_motion);
+    let x = lattice.start();
+    let mut k = BlockMatrix::zeros(lattice.pattern.clone());
+    lattice.hessian(&x, false, &mut k);
+    let b: Vec<f64> = (0..x.len()).map(|i| (i as f64).cos()).collect();
+    let exact = dense(&k).cholesky().unwrap().solve(&DVector::from_column_slice(&b));
+    let analysis = Arc::new(Analysis::new(&lattice.pattern, &x));
+    let mut double = Cholesky::<f64>::new(analysis.clone());
+    double.factorize(&k).unwrap();
+    let mut y = b.clone();
+    double.solve(&mut y);
+    let error = (DVector::from_column_slice(&y) - &exact).norm() / exact.norm();
+    assert!(error < 1e-12, "double: {error:.1e}");
+    let mut single = Cholesky::<f32>::new(analysis);
+    single.factorize(&k).unwrap();
+    let mut y = b;
+    single.solve(&mut y);
+    let error = (DVector::from_column_slice(&y) - &exact).norm() / exact.norm();
+    assert!(error < 1e-4, "single: {error:.1e}");
+    k.multiply(exact.as_slice(), &mut y);
+    let left = (DVector::from_column_slice(&y) - dense(&k) * exact).norm();
+    assert!(left < 1e-10, "product: {left:.1e}");
+}
+
+#[test]
+fn a_negative_direction_anywhere_is_found() {
+    let lattice = Lattice::new([4, 4, 4], |p| p[2] == 0.0, |_| false, no_motion);
+    let x = lattice.start();
+    let analysis = Arc::new(Analysis::new(&lattice.pattern, &x));
+    for node in [0, 17, 40] {
+        let mut k = BlockMatrix::zeros(lattice.pattern.clone());
+        lattice.hessian(&x, false, &mut k);
+        assert!(Cholesky::<f64>::new(analysis.clone()).factorize(&k).is_ok());
+        let mut minus = [0.0; 9];
+        minus[4] = -1e4 * STIFFNESS;
+        k.add_block(node, node, &minus);
+        assert!(Cholesky::<f64>::new(analysis.clone()).factorize(&k).is_err(), "node {node}");
+    }
+}
+
+#[test]
+fn quadratic_potential_takes_one_step() {
+    let pull = |p: &[f64; 3]| [0.1 * p[2], 0.0, 0.3 * p[2]];
+    let mut lattice = Lattice::new([5, 5, 6], |p| p[2] == 0.0 || p[2] == 5.0, |_| false, pull);
+    lattice.linear = true;
+    let mut x = lattice.start();
+    let mut log = Vec::new();
+    let settings = Settings { tolerance: 1e-10, ..Settings::default() };
+    let advance = Solver::new("lattice", settings).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
+    assert!(residual(&lattice, &x) <= 1e-10 * lattice.force_scale(&x));
+    // Carrying the load over solves it to the tolerance of the prediction, one Newton step to the last digit.
+    assert_eq!((advance.load_steps, advance.iterations, advance.factorizations), (1, 1, 1), "{log:?}");
+}
+
+#[test]
+fn converges_quadratically_where_springs_turn() {
+    let shear = |p: &[f64; 3]| [0.4 * p[2], 0.0, 0.0];
+    let mut lattice = Lattice::new([4, 4, 6], |p| p[2] == 0.0 || p[2] == 5.0, |_| false, shear);
+    let mut x = lattice.start();
+    let mut log = Vec::new();
+    let settings = Settings { tolerance: 1e-12, ..Settings::default() };
+    Solver::new("lattice", settings).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
+    let last: Vec<f64> = log.iter().rev().take(3).map(|r| (r.residual / r.force_scale).log10()).collect();
+    assert!(last[0] <= -12.0 && log.len() <= 8, "log10 of the residuals, last first: {last:?}");
+}
+
+#[test]
+fn indefinite_start_finds_a_minimum() {
+    let mut lattice = Lattice::new([4, 4, 4], |p| p[2] == 0.0, |_| false, no_motion);
+    let mut x: Vec<f64> = lattice
+        .start()
+        .chunks_exact(3)
+        .flat_map(|p| [0.6 * p[0], 0.6 * p[1] + 0.01 * p[0], 0.6 * p[2]])
+        .collect();
+    let mut k = BlockMatrix::zeros(lattice.pattern.clone());
+    lattice.hessian(&x, false, &mut k);
+    assert!(dense(&k).symmetric_eigenvalues().min() < 0.0, "the start is meant to be indefinite");
+    let mut log = Vec::new();
+    Solver::new("lattice", Settings::default()).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
+    lattice.hessian(&x, false, &mut k);
+    assert!(dense(&k).symmetric_eigenvalues().min() > 0.0);
+    assert!(log.iter().any(|r| r.projected));
+    let rest = lattice.start();
+    let away = x.iter().zip(&rest).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(away < 1e-4, "the rest shape is the minimum nearby, {away:.1e} m away");
+}
+
+#[test]
+fn no_step_is_taken_through_an_inversion() {
+    // Pressed and sheared at once: the straight prediction would press some springs below a third.
+    let press = |p: &[f64; 3]| [0.0, 0.5 * p[2], -0.4 * p[2]];
+    let mut lattice = Lattice::new([4, 4, 5], |p| p[2] == 0.0 || p[2] == 4.0, |_| false, press);
+    let mut x = lattice.start();
+    let mut log = Vec::new();
+    Solver::new("lattice", Settings::default()).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
+    assert!(residual(&lattice, &x) <= 1e-6 * lattice.force_scale(&x));
+    assert!(log.iter().all(|r| r.least_det_f >= LEAST && r.energy.is_finite()));
+}
+
+#[test]
+fn impossible_load_keeps_the_last_equilibrium_and_says_where() {
+    // A node guided along z between two plates that close: its two springs need two thirds of the height.
+    let squash = |p: &[f64; 3]| [0.0, 0.0, -0.95 * p[2]];
+    let rest = vec![[0.0; 3], [0.0, 0.0, 1.0], [0.0, 0.0, 2.0]];
+    let free = vec![PRESCRIBED, 0, PRESCRIBED];
+    let fixed = vec![true, true, false];
+    let mut lattice = Lattice::of(rest, free, fixed, vec![[0, 1], [1, 2]], squash);
+    let mut x = lattice.start();
+    let mut log = Vec::new();
+    let error =
+        Solver::new("lattice", Settings::default()).advance(&mut lattice, &mut x, 3, &mut log).unwrap_err();
+    let SolveError::NotConverged(stop) = &error else { panic!("{error}") };
+    let NotConverged { load, reason, step, place, .. } = &**stop;
+    assert_eq!((*step, reason), (3, &Reason::Inversion));
+    assert!(place.starts_with("spring"), "{place}");
+    assert!(
+        (0.69..0.71).contains(load),
+        "two thirds of the height are reached at load 0.702, stopped at {load}"
+    );
+    lattice.set_load(*load, &mut x);
+    assert!(residual(&lattice, &x) <= 1e-6 * lattice.force_scale(&x).max(1e-9));
+}
+
+#[test]
+fn unsupported_island_is_refused_with_its_free_motions() {
+    let refused = |mut lattice: Lattice| {
+        let mut x = lattice.start();
+        match Solver::new("lattice", Settings::default()).advance(&mut lattice, &mut x, 0, &mut Vec::new()) {
+            Err(SolveError::Unsupported { parts, .. }) => parts,
+            other => panic!("{other:?}"),
+        }
+    };
+    let floating = refused(Lattice::new([3, 3, 3], |_| false, |_| false, no_motion));
+    assert_eq!(floating.len(), 1);
+    assert_eq!(floating[0].directions.len(), 6, "{floating:?}");
+    let on_rollers = refused(Lattice::new([3, 3, 3], |_| false, |p| p[2] == 0.0, no_motion));
+    let names = &on_rollers[0].directions;
+    assert_eq!(names.len(), 3, "{names:?}");
+    assert!(names[0] == "translation along x" && names[1] == "translation along y", "{names:?}");
+    assert!(names[2].starts_with("rotation about z"), "{names:?}");
+    let hinged = refused(Lattice::new([3, 3, 3], |p| p[1] == 0.0 && p[2] == 0.0, |_| false, no_motion));
+    assert_eq!(hinged[0].directions.len(), 1, "{hinged:?}");
+    assert!(hinged[0].directions[0].contains("rotation about x"), "{hinged:?}");
+}
+
+#[test]
+fn mechanism_is_named_with_node_and_direction() {
+    // A node between two collinear springs: nothing resists it sideways.
+    let rest = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+    let free = vec![PRESCRIBED, 0, PRESCRIBED, PRESCRIBED];
+    let springs = vec![[0, 1], [1, 2], [1, 3]];
+    let mut lattice = Lattice::of(rest, free, vec![false; 3], springs, no_motion);
+    let mut x = lattice.start();
+    let error = Solver::new("chain", Settings::default()).advance(&mut lattice, &mut x, 0, &mut Vec::new());
+    let Err(error) = error else { panic!("solved: {error:?}") };
+    assert!(error.to_string().contains('z'), "{error}");
+    assert!(matches!(error, SolveError::Unsupported { .. }), "{error}");
+}
+
+#[test]
+fn same_bits_on_any_number_of_threads() {
+    let twist = |p: &[f64; 3]| [-0.15 * p[2] * p[1] / 12.0, 0.15 * p[2] * p[0] / 12.0, -0.1 * p[2]];
+    let solve = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let islands = |n: usize| {
+                let lattice = Lattice::new([n, n, 13], |p| p[2] == 0.0 || p[2] == 12.0, |_| false, twist);
+                let x = lattice.start();
+                Island::new(&format!("island {n}"), Box::new(lattice), x, Settings::default())
+            };
+            let mut islands: Vec<Island> = [12, 5, 9].map(islands).into();
+            let mut log = Vec::new();
+            let results = advance_islands(&mut islands, 0, &mut log);
+            assert!(results.iter().all(Result::is_ok), "{results:?}");
+            let bits: Vec<u64> = islands.iter().flat_map(|i| &i.x).map(|x| x.to_bits()).collect();
+            let names: Vec<String> = log.into_iter().map(|r| r.island).collect();
+            (bits, names)
+        })
+    };
+    let one = solve(1);
+    assert!(one == solve(2), "1 and 2 threads");
+    assert!(one == solve(3), "1 and 3 threads");
+}
+
+#[test]
+fn buckled_column_is_left_for_a_stable_one() {
+    // A slender column pressed exactly along its axis, five times beyond Euler's strain of 4π² (0.5 m / 24 m)²: the
+    // straight state stays an equilibrium but is no minimum.
+    let press = |p: &[f64; 3]| [0.0, 0.0, -0.08 * p[2]];
+    let mut column = Lattice::new([2, 2, 25], |p| p[2] == 0.0 || p[2] == 24.0, |_| false, press);
+    let mut x = column.start();
+    let mut solver = Solver::new("column", Settings::default());
+    let advance = solver.advance(&mut column, &mut x, 0, &mut Vec::new()).unwrap();
+    assert!(!advance.indefinite_at.is_empty(), "the instability is reported");
+    let mut k = BlockMatrix::zeros(column.pattern.clone());
+    column.hessian(&x, false, &mut k);
+    let least = dense(&k).symmetric_eigenvalues().min();
+    assert!(least > 0.0, "the equilibrium reported is stable, least eigenvalue {least:.1e}");
+    let sideways = x.chunks_exact(3).map(|p| (p[0] - 0.5).abs().max((p[1] - 0.5).abs())).fold(0.0, f64::max);
+    assert!(sideways > 1.5, "the column bends out, by {sideways:.2} m");
+}
+
+#[test]
+fn equilibrium_that_is_no_minimum_is_found_out() {
+    // One spring pushed together exactly along its line by a weaker pair: g = 0 all the way, K is not positive.
+    let press = |_: &[f64; 3]| [0.0, 0.0, 0.0];
+    let rest =
+        vec![[0.0; 3], [0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [4.0, 0.0, 1.0], [0.0, 4.0, 1.0], [1.0, 1.0, 2.0]];
+    let free = vec![PRESCRIBED, 0, PRESCRIBED, PRESCRIBED, PRESCRIBED, 1];
+    let springs = vec![[0, 1], [1, 2], [1, 3], [1, 4], [5, 1], [5, 2], [5, 3], [5, 4]];
+    let mut lattice = Lattice::of(rest, free, vec![false; 6], springs, press);
+    lattice.length[0] = 1.8; // both compressed by almost half: the middle wants to snap sideways
+    lattice.length[1] = 1.8;
+    let mut x = lattice.start();
+    assert!(residual(&lattice, &x) < 1e-12);
+    let settings = Settings { check_stability: true, ..Settings::default() };
+    let advance = Solver::new("pair", settings).advance(&mut lattice, &mut x, 0, &mut Vec::new()).unwrap();
+    assert_eq!(advance.unstable_at, [1.0]);
+    assert!(x[0].hypot(x[1]) > 0.1, "snapped to {x:?}");
+    assert!(residual(&lattice, &x) <= 1e-6 * lattice.force_scale(&x));
+}
+
+#[test]
+fn log_has_its_name_only_when_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    let row = Iteration {
+        island: "a, b".into(),
+        step: 1,
+        load: 0.5,
+        iteration: 2,
+        residual: 1e-3,
+        force_scale: 2.0,
+        energy: -3.0,
+        step_length: 1.0,
+        least_det_f: 0.9,
+        linear_iterations: 4,
+        factorizations: 1,
+        projected: false,
+        seconds: 0.1,
+    };
+    let path = folder.path().join("iterations.csv");
+    std::fs::write(&path, "of an earlier run").unwrap();
+    let mut log = IterationLog::create(folder.path()).unwrap();
+    log.write(&[row.clone(), row]).unwrap();
+    assert!(!path.exists(), "a run that is killed now leaves no finished log");
+    drop(log);
+    assert!(!path.exists());
+    let mut log = IterationLog::create(folder.path()).unwrap();
+    log.write(&[]).unwrap();
+    assert_eq!(log.finish().unwrap(), path);
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.starts_with("island,step,load,iteration,residual_N,"), "{text}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+}

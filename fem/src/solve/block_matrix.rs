@@ -241,6 +241,11 @@ impl BlockMatrix {
         &self.blocks[self.pattern.row_start[node]..self.pattern.row_start[node + 1]]
     }
 
+    /// Block number `index` of the pattern, row-major.
+    pub fn block(&self, index: usize) -> &[f64; 9] {
+        &self.blocks[index]
+    }
+
     /// Sets every entry to zero.
     pub fn clear(&mut self) {
         self.blocks.par_iter_mut().with_min_len(4096).for_each(|b| *b = [0.0; 9]);
@@ -286,6 +291,44 @@ impl BlockMatrix {
                 },
             );
         });
+    }
+
+    /// Cuts the unknowns flagged in `fixed` loose: their rows and columns become zero but for a positive diagonal.
+    /// Empty `fixed`: none.
+    pub fn constrain(&mut self, fixed: &[bool]) {
+        if fixed.is_empty() {
+            return;
+        }
+        let BlockMatrix { pattern, blocks } = self;
+        for i in 0..pattern.n_nodes() {
+            for at in pattern.row_start[i]..pattern.row_start[i + 1] {
+                let j = pattern.column[at] as usize;
+                for r in 0..3 {
+                    for c in 0..3 {
+                        let entry = &mut blocks[at][3 * r + c];
+                        if (i, r) == (j, c) {
+                            if fixed[3 * i + r] && *entry <= 0.0 {
+                                *entry = 1.0;
+                            }
+                        } else if fixed[3 * i + r] || fixed[3 * j + c] {
+                            *entry = 0.0;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds to every diagonal entry `share` of its size, at least `share` of a thousandth of the largest.
+    pub fn shift(&mut self, share: f64) {
+        let largest = (0..3 * self.pattern.n_nodes()).map(|i| self.diagonal(i).abs()).fold(0.0, f64::max);
+        for i in 0..self.pattern.n_nodes() {
+            let at = self.pattern.row(i).binary_search(&(i as u32)).expect("the diagonal is in the pattern");
+            let block = &mut self.blocks[self.pattern.row_start[i] + at];
+            for c in 0..3 {
+                block[4 * c] += share * block[4 * c].abs().max(1e-3 * largest);
+            }
+        }
     }
 
     /// y = K x.

@@ -3,8 +3,21 @@
 //! An *island* is a set of nodes that nothing connects to the rest; each is one [`Potential`] and is solved alone.
 
 pub mod block_matrix;
+pub mod cholesky;
+mod dissection;
+mod islands;
+mod linear;
+mod log;
+mod newton;
+mod rigid;
 
 pub use block_matrix::{BlockMatrix, PRESCRIBED, Pattern, Slots};
+pub use cholesky::{Analysis, Cholesky, Indefinite};
+pub use islands::{Island, advance_islands};
+pub use linear::{LinearReport, LinearSolver};
+pub use log::{Iteration, IterationLog};
+pub use newton::{Advance, NotConverged, Reason, Settings, SolveError, Solver};
+pub use rigid::{FreePart, free_parts};
 use std::sync::Arc;
 
 /// The total potential Π of one island as a function of its unknowns.

@@ -1,0 +1,539 @@
+//! Multifrontal Cholesky factorization L Lᵀ of a [`BlockMatrix`].
+//!
+//! Every separator of the nested dissection is one dense front: its own nodes (columns) and the later nodes they are
+//! coupled with (rows). A front adds what its children passed on, eliminates its columns with faer's dense kernels and
+//! passes the rest to its parent. Subtrees run in parallel, the large fronts near the root tile by tile; what is added
+//! to what never depends on the number of threads. Duff & Reid, The multifrontal solution of indefinite sparse
+//! symmetric linear equations, ACM Trans. Math. Softw. 9 (1983); Liu, The multifrontal method, SIAM Review 34 (1992).
+
+#![allow(non_snake_case)]
+
+use super::dissection::{Separator, dissect};
+use super::{BlockMatrix, Pattern};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::matmul::{matmul, triangular};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
+use faer::prelude::{Reborrow, ReborrowMut};
+use faer::{Accum, MatMut, MatRef, Par};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Columns eliminated at once, and width of the tiles that run in parallel.
+const TILE: usize = 192;
+/// Work \[multiply-adds\] below which a front is not worth dividing into tiles.
+const DIVISIBLE: f64 = 2e7;
+
+/// Number type of a factor: `f64`, or `f32` for a factor that only preconditions (half the memory and time).
+pub trait Scalar: faer::traits::RealField + Copy + Default + Send + Sync {
+    /// Rounds.
+    fn from_f64(value: f64) -> Self;
+    /// Exact.
+    fn to_f64(self) -> f64;
+}
+
+impl Scalar for f64 {
+    fn from_f64(value: f64) -> f64 {
+        value
+    }
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Scalar for f32 {
+    fn from_f64(value: f64) -> f32 {
+        value as f32
+    }
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// The matrix is not positive definite: elimination met a pivot that is not positive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Indefinite {
+    /// The unknown whose pivot it was.
+    pub unknown: usize,
+}
+
+/// Order of elimination and structure of the factor: depends on the pattern only.
+#[derive(Debug)]
+pub struct Analysis {
+    pattern: Arc<Pattern>,
+    /// Node at each place of the elimination order.
+    order: Vec<u32>,
+    /// Children before parents; a subtree is contiguous. The last one is the root and owns no nodes.
+    fronts: Vec<Front>,
+}
+
+/// One dense front. Places are places in the elimination order.
+#[derive(Debug)]
+struct Front {
+    /// First place it eliminates, and how many.
+    first: usize,
+    n_columns: usize,
+    /// Later places coupled with it, ascending.
+    rows: Vec<u32>,
+    /// Where the parent's front keeps each of `rows`: an index into (columns, rows) of the parent.
+    in_parent: Vec<u32>,
+    children: Vec<usize>,
+    /// First front and first place of its subtree.
+    subtree: (usize, usize),
+    /// What it takes from the matrix: block, row and column in this front; lower triangle.
+    entries: Vec<(u32, u32, u32)>,
+    /// Multiply-adds of the subtree.
+    work: f64,
+}
+
+impl Front {
+    /// Unknowns of the front: own, and own and passed on together.
+    fn sizes(&self) -> (usize, usize) {
+        (3 * self.n_columns, 3 * (self.n_columns + self.rows.len()))
+    }
+}
+
+impl Analysis {
+    /// Nested dissection and symbolic factorization. `points`: a place for every node (three coordinates each), used
+    /// to divide the graph only.
+    pub fn new(pattern: &Arc<Pattern>, points: &[f64]) -> Analysis {
+        let mut this = Analysis { pattern: pattern.clone(), order: Vec::new(), fronts: Vec::new() };
+        let root = Separator { nodes: Vec::new(), children: dissect(pattern, points) };
+        this.number(&root);
+        let mut place = vec![0_u32; this.order.len()];
+        for (p, &node) in this.order.iter().enumerate() {
+            place[node as usize] = p as u32;
+        }
+        this.find_rows(&place);
+        this.find_entries(&place);
+        this
+    }
+
+    /// Numbers nodes and fronts, children first; returns the index of the front of `separator`.
+    fn number(&mut self, separator: &Separator) -> usize {
+        let subtree = (self.fronts.len(), self.order.len());
+        let children: Vec<usize> = separator.children.iter().map(|c| self.number(c)).collect();
+        let first = self.order.len();
+        self.order.extend(&separator.nodes);
+        let n_columns = separator.nodes.len();
+        let (rows, in_parent, entries) = (Vec::new(), Vec::new(), Vec::new());
+        self.fronts.push(Front { first, n_columns, rows, in_parent, children, subtree, entries, work: 0.0 });
+        self.fronts.len() - 1
+    }
+
+    fn find_rows(&mut self, place: &[u32]) {
+        for f in 0..self.fronts.len() {
+            let front = &self.fronts[f];
+            let end = (front.first + front.n_columns) as u32;
+            let mut rows: Vec<u32> = self.order[front.first..end as usize]
+                .iter()
+                .flat_map(|&node| self.pattern.row(node as usize))
+                .map(|&node| place[node as usize])
+                .chain(front.children.iter().flat_map(|&c| self.fronts[c].rows.iter().copied()))
+                .filter(|&p| p >= end)
+                .collect();
+            rows.sort_unstable();
+            rows.dedup();
+            let (first, n_columns) = (front.first, front.n_columns);
+            let mut work = 0.0;
+            for c in front.children.clone() {
+                let local = |&p: &u32| {
+                    let p = p as usize;
+                    if p < first + n_columns {
+                        (p - first) as u32
+                    } else {
+                        (n_columns + rows.binary_search(&(p as u32)).expect("parent has its child's rows"))
+                            as u32
+                    }
+                };
+                self.fronts[c].in_parent = self.fronts[c].rows.iter().map(local).collect();
+                work += self.fronts[c].work;
+            }
+            let front = &mut self.fronts[f];
+            front.rows = rows;
+            let (own, all) = front.sizes();
+            let (own, passed) = (own as f64, (all - own) as f64);
+            front.work =
+                work + own * own * own / 6.0 + own * own * passed / 2.0 + own * passed * passed / 2.0;
+        }
+    }
+
+    fn find_entries(&mut self, place: &[u32]) {
+        let (order, pattern) = (&self.order, &self.pattern);
+        self.fronts.par_iter_mut().for_each(|front| {
+            let end = front.first + front.n_columns;
+            for (column, &node) in order[front.first..end].iter().enumerate() {
+                let start = pattern.row_start()[node as usize];
+                for (k, &other) in pattern.row(node as usize).iter().enumerate() {
+                    let p = place[other as usize];
+                    let row = match p as usize {
+                        p if p < front.first + column => continue,
+                        p if p < end => p - front.first,
+                        _ => front.n_columns + front.rows.binary_search(&p).expect("row is in the front"),
+                    };
+                    front.entries.push(((start + k) as u32, row as u32, column as u32));
+                }
+            }
+        });
+    }
+
+    /// Numbers stored in the factor.
+    pub fn n_values(&self) -> usize {
+        self.fronts.iter().map(|f| f.sizes().0 * f.sizes().1).sum()
+    }
+
+    /// Multiply-adds of one factorization.
+    pub fn work(&self) -> f64 {
+        self.fronts[self.fronts.len() - 1].work
+    }
+}
+
+/// The factor of one matrix; its memory is kept for the next.
+#[derive(Debug)]
+pub struct Cholesky<T: Scalar> {
+    analysis: Arc<Analysis>,
+    /// Of each front its columns, all rows, column-major.
+    panels: Vec<Vec<T>>,
+}
+
+/// Numbers passed from a front to its parent: the lower triangle of a square column-major matrix.
+type Passed<T> = Vec<T>;
+
+impl<T: Scalar> Cholesky<T> {
+    /// Nothing factorized yet.
+    pub fn new(analysis: Arc<Analysis>) -> Cholesky<T> {
+        let panels = analysis.fronts.iter().map(|_| Vec::new()).collect();
+        Cholesky { analysis, panels }
+    }
+
+    /// The analysis it was made from.
+    pub fn analysis(&self) -> &Arc<Analysis> {
+        &self.analysis
+    }
+
+    /// Factorizes `k`. After an error the factor must not be used.
+    pub fn factorize(&mut self, k: &BlockMatrix) -> Result<(), Indefinite> {
+        let Cholesky { analysis, panels } = self;
+        assert!(k.pattern().n_blocks() == analysis.pattern.n_blocks(), "the matrix has the analysed pattern");
+        let root = analysis.fronts.len() - 1;
+        factorize_subtree(analysis, k, root, panels).map(|_| ())
+    }
+
+    /// Replaces `b` by the solution of L Lᵀ x = b.
+    pub fn solve(&self, b: &mut [f64]) {
+        let analysis = &*self.analysis;
+        let mut x = vec![T::default(); b.len()];
+        for (x, &node) in x.chunks_exact_mut(3).zip(&analysis.order) {
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = T::from_f64(b[3 * node as usize + i]);
+            }
+        }
+        let root = analysis.fronts.len() - 1;
+        forward(analysis, &self.panels, root, &mut x);
+        backward(analysis, &self.panels, root, &[], &mut x);
+        for (x, &node) in x.chunks_exact(3).zip(&analysis.order) {
+            for (i, x) in x.iter().enumerate() {
+                b[3 * node as usize + i] = x.to_f64();
+            }
+        }
+    }
+
+    /// Least ratio of a pivot to the diagonal entry it came from, and its unknown: near the round-off of `T` where the
+    /// matrix is singular.
+    pub fn least_pivot(&self, k: &BlockMatrix) -> (f64, usize) {
+        let mut least = (f64::INFINITY, 0);
+        for (front, panel) in self.analysis.fronts.iter().zip(&self.panels) {
+            let (own, all) = front.sizes();
+            for i in 0..own {
+                let unknown = 3 * self.analysis.order[front.first + i / 3] as usize + i % 3;
+                let ratio = panel[i * all + i].to_f64().powi(2) / k.diagonal(unknown);
+                if ratio < least.0 {
+                    least = (ratio, unknown);
+                }
+            }
+        }
+        least
+    }
+}
+
+/// Runs `run` on every child of front `f`, in parallel where worth it, each with its part of `panels` (those of the
+/// subtree of `f`).
+fn each_child<P: Send, R: Send>(
+    analysis: &Analysis,
+    children: &[usize],
+    panels: &mut [P],
+    offset: usize,
+    run: &(impl Fn(usize, &mut [P]) -> R + Sync),
+    out: &mut Vec<R>,
+) {
+    match children {
+        [] => {}
+        [child] => {
+            out.push(run(*child, &mut panels[analysis.fronts[*child].subtree.0 - offset..=child - offset]))
+        }
+        _ => {
+            let (low, high) = children.split_at(children.len() / 2);
+            let cut = analysis.fronts[high[0]].subtree.0;
+            let (low_panels, high_panels) = panels.split_at_mut(cut - offset);
+            let work: f64 = children.iter().map(|&c| analysis.fronts[c].work).sum();
+            let mut more = Vec::new();
+            if work > 1e5 {
+                rayon::join(
+                    || each_child(analysis, low, low_panels, offset, run, out),
+                    || each_child(analysis, high, high_panels, cut, run, &mut more),
+                );
+            } else {
+                each_child(analysis, low, low_panels, offset, run, out);
+                each_child(analysis, high, high_panels, cut, run, &mut more);
+            }
+            out.append(&mut more);
+        }
+    }
+}
+
+fn factorize_subtree<T: Scalar>(
+    analysis: &Analysis,
+    k: &BlockMatrix,
+    f: usize,
+    panels: &mut [Vec<T>],
+) -> Result<Passed<T>, Indefinite> {
+    let front = &analysis.fronts[f];
+    let offset = front.subtree.0;
+    let mut passed = Vec::with_capacity(front.children.len());
+    let run = |child: usize, panels: &mut [Vec<T>]| factorize_subtree(analysis, k, child, panels);
+    each_child(analysis, &front.children, panels, offset, &run, &mut passed);
+
+    let (own, all) = front.sizes();
+    let rest = all - own;
+    let panel = &mut panels[f - offset];
+    panel.clear();
+    panel.resize(own * all, T::default());
+    for &(block, row, column) in &front.entries {
+        let block = k.block(block as usize); // block (column, row) of the symmetric matrix
+        for j in 0..3 {
+            for i in 0..3 {
+                panel[(3 * column as usize + j) * all + 3 * row as usize + i] = T::from_f64(block[3 * j + i]);
+            }
+        }
+    }
+    let mut pass = vec![T::default(); rest * rest];
+    for (&child, passed) in front.children.iter().zip(passed) {
+        extend_add(&analysis.fronts[child].in_parent, &passed?, panel, &mut pass, own, all);
+    }
+    if own > 0 {
+        let unknown = |i: usize| 3 * analysis.order[front.first + i / 3] as usize + i % 3;
+        let divisible = own as f64 * all as f64 * all as f64 > DIVISIBLE;
+        eliminate(panel, &mut pass, own, all, divisible).map_err(|i| Indefinite { unknown: unknown(i) })?;
+    }
+    Ok(pass)
+}
+
+/// Adds what a child passed on (lower triangle) to its parent's columns and to what the parent passes on itself.
+fn extend_add<T: Scalar>(
+    in_parent: &[u32],
+    passed: &[T],
+    panel: &mut [T],
+    pass: &mut [T],
+    own: usize,
+    all: usize,
+) {
+    let n = 3 * in_parent.len();
+    let rest = all - own;
+    for (b, &to) in in_parent.iter().enumerate() {
+        for j in 0..3 {
+            let from = &passed[(3 * b + j) * n..][..n];
+            let column = 3 * to as usize + j;
+            // Rows above `own` of a later column do not occur: places ascend.
+            let (target, skip) = match column < own {
+                true => (&mut panel[column * all..][..all], 0),
+                false => (&mut pass[(column - own) * rest..][..rest], own),
+            };
+            for (from, &row) in from[3 * b..].chunks_exact(3).zip(&in_parent[b..]) {
+                let at = 3 * row as usize - skip;
+                for (to, from) in target[at..at + 3].iter_mut().zip(from) {
+                    *to += *from;
+                }
+            }
+        }
+    }
+}
+
+/// Eliminates the `own` columns of a front: `panel` becomes its columns of L, `pass` gets −L₂₁ L₂₁ᵀ (lower triangle).
+/// The error is the index of the pivot that is not positive.
+fn eliminate<T: Scalar>(
+    panel: &mut [T],
+    pass: &mut [T],
+    own: usize,
+    all: usize,
+    divisible: bool,
+) -> Result<(), usize> {
+    let mut panel = MatMut::from_column_major_slice_mut(panel, all, own);
+    let mut scratch =
+        MemBuffer::new(cholesky_in_place_scratch::<T>(TILE.min(own), Par::Seq, Default::default()));
+    for start in (0..own).step_by(TILE) {
+        let width = TILE.min(own - start);
+        let (columns, mut later) = panel.rb_mut().get_mut(start.., start..).split_at_col_mut(width);
+        let (mut diagonal, mut below) = columns.split_at_row_mut(width);
+        let stack = MemStack::new(&mut scratch);
+        cholesky_in_place(diagonal.rb_mut(), Default::default(), Par::Seq, stack, Default::default())
+            .map_err(|faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index }| {
+                start + index
+            })?;
+        if let Some(i) = (0..width).find(|&i| diagonal[(i, i)].to_f64().is_nan()) {
+            return Err(start + i); // a NaN passes faer's test
+        }
+        let diagonal = diagonal.rb();
+        let divide = |rows: MatMut<'_, T>| {
+            solve_lower_triangular_in_place(diagonal, rows.transpose_mut(), Par::Seq);
+        };
+        if divisible && below.nrows() > 0 {
+            below.rb_mut().par_row_chunks_mut(TILE).for_each(divide);
+        } else {
+            divide(below.rb_mut());
+        }
+        if later.ncols() > 0 {
+            let later = later.rb_mut().get_mut(width.., ..);
+            subtract_square(later, below.rb(), divisible);
+        }
+    }
+    let rest = all - own;
+    if rest > 0 {
+        let pass = MatMut::from_column_major_slice_mut(pass, rest, rest);
+        subtract_square(pass, panel.rb().get(own.., ..), divisible);
+    }
+    Ok(())
+}
+
+/// A −= L Lᵀ on and below the diagonal of the first `A.ncols()` columns.
+fn subtract_square<T: Scalar>(A: MatMut<'_, T>, L: MatRef<'_, T>, divisible: bool) {
+    let n = A.nrows();
+    let minus = -T::one_impl();
+    let tile = |(t, A): (usize, MatMut<'_, T>)| {
+        let start = t * TILE;
+        let width = A.ncols();
+        let (top, below) = A.get_mut(start.., ..).split_at_row_mut(width);
+        let right = L.get(start..start + width, ..);
+        triangular::matmul(
+            top,
+            triangular::BlockStructure::TriangularLower,
+            Accum::Add,
+            right,
+            triangular::BlockStructure::Rectangular,
+            right.transpose(),
+            triangular::BlockStructure::Rectangular,
+            minus,
+            Par::Seq,
+        );
+        if start + width < n {
+            let left = L.get(start + width.., ..);
+            matmul(below, Accum::Add, left, right.transpose(), minus, Par::Seq);
+        }
+    };
+    let least = if divisible { 1 } else { n }; // one piece: no task is made
+    A.par_col_chunks_mut(TILE).enumerate().with_min_len(least).for_each(tile);
+}
+
+/// L x = b on a subtree, whose part of the right-hand side is `x`; returns what its rows owe to later places.
+fn forward<T: Scalar>(analysis: &Analysis, panels: &[Vec<T>], f: usize, x: &mut [T]) -> Vec<T> {
+    let front = &analysis.fronts[f];
+    let (own, all) = front.sizes();
+    let mut owed = vec![T::default(); all];
+    let mut from_children = Vec::with_capacity(front.children.len());
+    let (before, mine) = x.split_at_mut(3 * (front.first - front.subtree.1));
+    each_part(
+        analysis,
+        &front.children,
+        before,
+        front.subtree.1,
+        &mut from_children,
+        &|child, x: &mut [T]| forward(analysis, panels, child, x),
+    );
+    for (&child, from) in front.children.iter().zip(from_children) {
+        for (from, &to) in from.chunks_exact(3).zip(&analysis.fronts[child].in_parent) {
+            for i in 0..3 {
+                owed[3 * to as usize + i] += from[i];
+            }
+        }
+    }
+    if own == 0 {
+        return owed;
+    }
+    for (x, owed) in mine.iter_mut().zip(&owed) {
+        *x += *owed;
+    }
+    let panel = MatRef::from_column_major_slice(&panels[f], all, own);
+    let mut mine = MatMut::from_column_major_slice_mut(mine, own, 1);
+    solve_lower_triangular_in_place(panel.get(..own, ..), mine.rb_mut(), Par::Seq);
+    let mut owed = owed.split_off(own);
+    if !owed.is_empty() {
+        let n = owed.len();
+        let owed = MatMut::from_column_major_slice_mut(&mut owed, n, 1);
+        matmul(owed, Accum::Add, panel.get(own.., ..), mine.rb(), -T::one_impl(), Par::Seq);
+    }
+    owed
+}
+
+/// Lᵀ x = b on a subtree; `above`: the solution at the rows of its root.
+fn backward<T: Scalar>(analysis: &Analysis, panels: &[Vec<T>], f: usize, above: &[T], x: &mut [T]) {
+    let front = &analysis.fronts[f];
+    let (own, all) = front.sizes();
+    let (before, mine) = x.split_at_mut(3 * (front.first - front.subtree.1));
+    if own > 0 {
+        let panel = MatRef::from_column_major_slice(&panels[f], all, own);
+        let mut mine = MatMut::from_column_major_slice_mut(mine, own, 1);
+        if !above.is_empty() {
+            let above = MatRef::from_column_major_slice(above, above.len(), 1);
+            let lower = panel.get(own.., ..);
+            matmul(mine.rb_mut(), Accum::Add, lower.transpose(), above, -T::one_impl(), Par::Seq);
+        }
+        solve_upper_triangular_in_place(panel.get(..own, ..).transpose(), mine.rb_mut(), Par::Seq);
+    }
+    let mine = &*mine;
+    let mut none = Vec::new();
+    each_part(analysis, &front.children, before, front.subtree.1, &mut none, &|child, x: &mut [T]| {
+        let gather = |&p: &u32| {
+            let at = 3 * p as usize;
+            let from = if at < own { &mine[at..at + 3] } else { &above[at - own..at - own + 3] };
+            [from[0], from[1], from[2]]
+        };
+        let above: Vec<T> = analysis.fronts[child].in_parent.iter().flat_map(gather).collect();
+        backward(analysis, panels, child, &above, x);
+    });
+}
+
+/// Runs `run` on every child with its part of `x`, which begins at place `offset`; in parallel where worth it.
+fn each_part<T: Scalar, R: Send>(
+    analysis: &Analysis,
+    children: &[usize],
+    x: &mut [T],
+    offset: usize,
+    out: &mut Vec<R>,
+    run: &(impl Fn(usize, &mut [T]) -> R + Sync),
+) {
+    match children {
+        [] => {}
+        [child] => out.push(run(*child, x)),
+        _ => {
+            let (low, high) = children.split_at(children.len() / 2);
+            let cut = analysis.fronts[high[0]].subtree.1;
+            let (low_x, high_x) = x.split_at_mut(3 * (cut - offset));
+            let mut more = Vec::new();
+            if x_work(analysis, children) > 1e6 {
+                rayon::join(
+                    || each_part(analysis, low, low_x, offset, out, run),
+                    || each_part(analysis, high, high_x, cut, &mut more, run),
+                );
+            } else {
+                each_part(analysis, low, low_x, offset, out, run);
+                each_part(analysis, high, high_x, cut, &mut more, run);
+            }
+            out.append(&mut more);
+        }
+    }
+}
+
+/// Work of the subtrees of `children`, a proxy for the cost of a solve there.
+fn x_work(analysis: &Analysis, children: &[usize]) -> f64 {
+    children.iter().map(|&c| analysis.fronts[c].work).sum()
+}

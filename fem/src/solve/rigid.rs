@@ -1,0 +1,153 @@
+//! Rigid motions that nothing resists: found and named before the first step.
+
+use super::{BlockMatrix, Pattern};
+use nalgebra::{DMatrix, Matrix6, Vector3};
+
+/// K u below this share of ‖K‖ counts as no resistance: far above round-off, far below any real support.
+const NO_RESISTANCE: f64 = 1e-10;
+
+/// A part of the mesh that can move rigidly without any force.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreePart {
+    /// Its least free node.
+    pub node: usize,
+    /// Its number of free nodes.
+    pub n_nodes: usize,
+    /// The free motions, e.g. "translation along x", "rotation about (0.71, 0.71, 0.00) through the centroid".
+    pub directions: Vec<String>,
+}
+
+impl std::fmt::Display for FreePart {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "{} nodes from free node {} on: {}", self.n_nodes, self.node, self.directions.join(", "))
+    }
+}
+
+/// Parts of the graph (components) whose rigid motions are neither resisted by `k` nor prescribed by `fixed`.
+///
+/// `x`: positions of the free nodes \[m\], best those of the unstressed shape.
+pub fn free_parts(k: &BlockMatrix, fixed: &[bool], x: &[f64]) -> Vec<FreePart> {
+    components(k.pattern()).into_iter().filter_map(|nodes| free_part(k, fixed, x, &nodes)).collect()
+}
+
+/// Connected components, each sorted.
+fn components(pattern: &Pattern) -> Vec<Vec<usize>> {
+    let mut seen = vec![false; pattern.n_nodes()];
+    let mut all = Vec::new();
+    for start in 0..pattern.n_nodes() {
+        if std::mem::replace(&mut seen[start], true) {
+            continue;
+        }
+        let mut nodes = vec![start];
+        let mut next = 0;
+        while next < nodes.len() {
+            for &j in pattern.row(nodes[next]) {
+                if !std::mem::replace(&mut seen[j as usize], true) {
+                    nodes.push(j as usize);
+                }
+            }
+            next += 1;
+        }
+        nodes.sort_unstable();
+        all.push(nodes);
+    }
+    all
+}
+
+/// Rᵀ K R on the six rigid motions R of the part, with a stiff spring on every fixed unknown: its null space.
+fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Option<FreePart> {
+    let at = |i: usize| Vector3::from_column_slice(&x[3 * i..3 * i + 3]);
+    let centre = nodes.iter().map(|&i| at(i)).sum::<Vector3<f64>>() / nodes.len() as f64;
+    let radius = nodes.iter().map(|&i| (at(i) - centre).norm_squared()).sum::<f64>() / nodes.len() as f64;
+    let radius = if radius > 0.0 { radius.sqrt() } else { 1.0 };
+    let motion = |i: usize, mode: usize| match mode {
+        0..3 => Vector3::ith(mode, 1.0),
+        _ => Vector3::ith(mode - 3, 1.0).cross(&(at(i) - centre)) / radius,
+    };
+    let mut resisted = Matrix6::<f64>::zeros();
+    let mut gram = Matrix6::<f64>::zeros();
+    let mut stiffness = 0.0;
+    for &i in nodes {
+        let u: Vec<Vector3<f64>> = (0..6).map(|m| motion(i, m)).collect();
+        let mut force = [Vector3::zeros(); 6];
+        for (&j, b) in k.pattern().row(i).iter().zip(k.row(i)) {
+            let b = nalgebra::Matrix3::from_row_slice(b);
+            for (m, force) in force.iter_mut().enumerate() {
+                *force += b * motion(j as usize, m);
+            }
+        }
+        let own = (0..3).map(|c| k.diagonal(3 * i + c)).fold(0.0, f64::max);
+        stiffness += own;
+        for m in 0..6 {
+            for n in 0..6 {
+                resisted[(m, n)] += u[m].dot(&force[n]);
+                gram[(m, n)] += u[m].dot(&u[n]);
+                for c in (0..3).filter(|c| fixed.get(3 * i + c) == Some(&true)) {
+                    resisted[(m, n)] += own * u[m][c] * u[n][c];
+                }
+            }
+        }
+    }
+    // Rotations that move no node (of a single node, or about the line of nodes in a row) are no motions.
+    let gram = gram.symmetric_eigen();
+    let moving: Vec<usize> =
+        (0..6).filter(|&e| gram.eigenvalues[e] > 1e-9 * gram.eigenvalues.max()).collect();
+    let basis = DMatrix::from_fn(6, moving.len(), |r, c| {
+        gram.eigenvectors[(r, moving[c])] / (gram.eigenvalues[moving[c]] / nodes.len() as f64).sqrt()
+    });
+    let resisted = basis.transpose() * (resisted + resisted.transpose()) * &basis / 2.0;
+    let eigen = resisted.symmetric_eigen();
+    let free: Vec<usize> =
+        (0..moving.len()).filter(|&e| eigen.eigenvalues[e].abs() <= NO_RESISTANCE * stiffness).collect();
+    if free.is_empty() {
+        return None;
+    }
+    let space = basis * DMatrix::from_fn(moving.len(), free.len(), |r, c| eigen.eigenvectors[(r, free[c])]);
+    Some(FreePart { node: nodes[0], n_nodes: nodes.len(), directions: name(space, centre) })
+}
+
+/// Names a basis of the space of free motions, brought to echelon form so that pure motions show as such.
+fn name(space: DMatrix<f64>, centre: Vector3<f64>) -> Vec<String> {
+    let mut rows = space.transpose();
+    let mut done = 0;
+    for column in 0..6 {
+        let Some(pivot) = (done..rows.nrows())
+            .filter(|&r| rows[(r, column)].abs() > 1e-6)
+            .max_by(|&a, &b| rows[(a, column)].abs().total_cmp(&rows[(b, column)].abs()))
+        else {
+            continue;
+        };
+        rows.swap_rows(pivot, done);
+        let scale = rows[(done, column)];
+        rows.row_mut(done).unscale_mut(scale);
+        for r in (0..rows.nrows()).filter(|&r| r != done) {
+            let factor = rows[(r, column)];
+            let minus = rows.row(done) * factor;
+            rows.row_mut(r).zip_apply(&minus, |a, b| *a -= b);
+        }
+        done += 1;
+    }
+    let axis = |v: Vector3<f64>| {
+        let v = v.normalize();
+        match (0..3).find(|&i| v[i].abs() > 1.0 - 1e-6) {
+            Some(i) => ["x", "y", "z"][i].to_string(),
+            None => format!("({:.2}, {:.2}, {:.2})", v[0], v[1], v[2]),
+        }
+    };
+    let through = format!("({:.3e}, {:.3e}, {:.3e})", centre[0], centre[1], centre[2]);
+    rows.row_iter()
+        .map(|r| {
+            let translation = Vector3::new(r[0], r[1], r[2]);
+            let rotation = Vector3::new(r[3], r[4], r[5]);
+            match (translation.norm() > 1e-5, rotation.norm() > 1e-5) {
+                (true, false) => format!("translation along {}", axis(translation)),
+                (false, _) => format!("rotation about {} through {through}", axis(rotation)),
+                (true, true) => format!(
+                    "rotation about {} through {through} with translation along {}",
+                    axis(rotation),
+                    axis(translation)
+                ),
+            }
+        })
+        .collect()
+}
