@@ -4,6 +4,7 @@
 //! [`trial::Motion`]; [`dynamics`] turns that into [`trial::Loads`]; [`sharing`] turns those into a [`trial::Effort`].
 //! Everything past the readers is SI, in ground axes X forward, Y up, Z to the right, and a right leg.
 
+pub mod activation;
 pub mod anatomy;
 pub mod calibration;
 pub mod dynamics;

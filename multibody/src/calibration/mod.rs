@@ -76,6 +76,19 @@ pub struct Spines {
     pub psis_left: Path,
 }
 
+impl Spines {
+    /// From the paths of four named markers.
+    pub fn of(tracks: &[MarkerTrack], names: [&str; 4]) -> Spines {
+        let [asis_right, asis_left, psis_right, psis_left] = names.map(|n| path(tracks, n));
+        Spines { asis_right, asis_left, psis_right, psis_left }
+    }
+}
+
+/// Path of a named marker; empty where there is none.
+pub fn path(tracks: &[MarkerTrack], name: &str) -> Path {
+    tracks.iter().find(|t| t.name == name).map(|t| t.position.clone()).unwrap_or_default()
+}
+
 /// Pelvis landmarks in the frame of its cluster.
 pub(crate) fn pelvis(
     cluster: &Cluster,
