@@ -1,1 +1,715 @@
-//! Placeholder until its stage stands.
+//! Does a trial file give the trial that was recorded, and name the mistake when something is wrong?
+
+use std::path::{Path, PathBuf};
+
+use multibody::InputError;
+use multibody::error::Place;
+use multibody::trial::{MarkerTrack, Trial};
+use multibody::trial_file::{Landmarks, TrialFile};
+use multibody::walker::{Knee, walker};
+use nalgebra::Vector3;
+use support::c3d_file::C3dFile;
+use support::shared;
+use support::walking::{LEFT_PLATE, RIGHT_PLATE, Walking};
+
+fn shipped(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../gait-data/trials/{name}.toml"))
+}
+
+const SHIPPED: [&str; 5] = ["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"];
+
+/// The error of a walking recording after one change.
+fn error_of(change: impl FnOnce(&mut Walking)) -> InputError {
+    let mut walking = Walking::new();
+    change(&mut walking);
+    walking.load().expect_err("the change should have been noticed")
+}
+
+/// The error must be of this kind, and its message hold all the words.
+macro_rules! refused {
+    ($error:expr, $kind:pat, $($word:expr),+) => {{
+        let error = $error;
+        let message = error.to_string();
+        assert!(matches!(error, $kind), "{error:?}");
+        $(assert!(message.contains($word), "`{}` is not in: {message}", $word);)+
+    }};
+}
+
+/// Largest distance of two sets of paths \[m\]; gaps must agree.
+fn distance(a: &[MarkerTrack], b: &[MarkerTrack]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let pairs = a.iter().zip(b).flat_map(|(a, b)| a.position.iter().zip(&b.position));
+    pairs.fold(0.0, |largest: f64, pair| match pair {
+        (Some(p), Some(q)) => largest.max((p - q).norm()),
+        (None, None) => largest,
+        other => panic!("{other:?}"),
+    })
+}
+
+fn assert_same(a: &Trial, b: &Trial, metres: f64, newton_metres: f64) {
+    assert_eq!(a.report, b.report);
+    assert!(distance(&a.markers, &b.markers) < metres, "{}", distance(&a.markers, &b.markers));
+    for i in 0..a.ground.time.len() {
+        assert!((a.ground.force[i] - b.ground.force[i]).norm() < newton_metres, "sample {i}");
+        assert!((a.ground.moment[i] - b.ground.moment[i]).norm() < newton_metres, "sample {i}");
+    }
+}
+
+// ------------------------------------------------------------------------------------------------ good trials
+
+#[test]
+fn the_walker_comes_back_from_its_files() {
+    let (original, _) = walker(Knee::Hinge);
+    let loaded = Walking::new().load().unwrap();
+    assert!(distance(&original.markers, &loaded.markers) < 1e-12);
+    assert_eq!(original.time.len(), loaded.time.len());
+    for (a, b) in original.time.iter().zip(&loaded.time) {
+        assert!((a - b).abs() < 1e-9);
+    }
+    for i in 0..original.time.len() {
+        assert!((original.ground.force[i] - loaded.ground.force[i]).norm() < 1e-9);
+        assert!((original.ground.moment[i] - loaded.ground.moment[i]).norm() < 1e-9, "sample {i}");
+    }
+    // 0 % has no force; the first sample above 20 N is at 1 %, a cycle is 100 samples.
+    assert_eq!(loaded.report, original.report.start + 1..original.report.end + 1);
+}
+
+#[test]
+fn a_left_leg_is_a_mirrored_right_leg() {
+    let right = Walking::new().load().unwrap();
+    let mut left = Walking::new();
+    left.map(|p| Vector3::new(p.x, p.y, -p.z)).replace("side = \"right\"", "side = \"left\"");
+    for (name, _) in &mut left.markers {
+        if name.len() == 4 {
+            // RASI … LPSI: the mirrored right one is the left one
+            *name =
+                if name.starts_with('R') { name.replacen('R', "L", 1) } else { name.replacen('L', "R", 1) };
+        }
+    }
+    for (f, p) in left.plates.iter_mut().flatten() {
+        (f.z, p.z) = (-f.z, -p.z);
+    }
+    let file = TrialFile::read(&left.write()).unwrap();
+    let trial = file.load(None).unwrap();
+    // the right ASIS comes first in the list of the right leg, the left one in that of the mirrored leg
+    let order = |t: &Trial| {
+        let mut tracks = t.markers.clone();
+        tracks[..4].sort_by(|a, b| a.position[0].unwrap().z.total_cmp(&b.position[0].unwrap().z));
+        Trial { markers: tracks, ..t.clone() }
+    };
+    assert_same(&order(&trial), &order(&right), 1e-12, 1e-9);
+    let Landmarks::Table { recorded, .. } = file.landmarks(None).unwrap().source else { panic!() };
+    assert_eq!(recorded["right ASIS"], "LASI", "the leg under study is on the right past the reader");
+    assert_eq!(recorded["left PSIS"], "RPSI");
+    assert_eq!(recorded["heel"], "heel");
+}
+
+#[test]
+fn a_c3d_file_in_laboratory_axes_gives_the_same_trial() {
+    let mut walking = Walking::new();
+    let reference = walking.load().unwrap();
+    // ground X, Y, Z = lab -x, z, y
+    let to_lab = |v: Vector3<f64>| [-v.x, v.z, v.y];
+    // One plate, large enough for the walk; plate axes from the corners: x = lab -y, y = lab -x, z down.
+    let (low, high) = (-4000.0, 4000.0);
+    let corners = [[low, low, 0.0], [low, high, 0.0], [high, high, 0.0], [high, low, 0.0]];
+    let to_plate = |[x, y, z]: [f64; 3]| Vector3::new(-y, -x, -z);
+    let mut channels = vec![Vec::new(); 6];
+    for (force, point) in &walking.plates[RIGHT_PLATE - 1] {
+        let (f, p) = (to_plate(to_lab(*force)), to_plate(to_lab(*point)));
+        let moment = p.cross(&f) * 1e3;
+        for k in 0..3 {
+            channels[k].push(f[k]);
+            channels[3 + k].push(moment[k]);
+        }
+    }
+    let rate = (walking.time.len() - 1) as f64 / (walking.time[walking.time.len() - 1] - walking.time[0]);
+    let file = C3dFile {
+        rate: rate as f32,
+        samples: 1,
+        first_frame: 1,
+        names: walking.markers.iter().map(|m| m.0.clone()).collect(),
+        points: walking.markers.iter().map(|m| m.1.iter().map(|p| p.map(to_lab)).collect()).collect(),
+        channels,
+        corners: vec![corners],
+        ..C3dFile::default()
+    };
+    let axes = "motion = \"walk.c3d\"\naxes = { x = \"-x\", y = \"z\", z = \"y\" }";
+    walking.replace("motion = \"walk.trc\"", axes).replace("file = \"walk.sto\"\n", "");
+    let path = walking.write();
+    std::fs::write(walking.folder().join("walk.c3d"), file.bytes()).unwrap();
+    let trial = TrialFile::read(&path).unwrap().load(None).unwrap();
+    // single precision: 1e-7 of 4 m and of 750 N · 4 m
+    assert_same(&trial, &reference, 1e-6, 1e-3);
+}
+
+#[test]
+fn recorded_cycles_agree_with_the_events() {
+    let (Some(data), Some(events)) = (shared("gait"), shared("gait/events.csv")) else { return };
+    let mut strikes: Vec<(String, f64)> = Vec::new();
+    for row in csv::Reader::from_path(events).unwrap().records() {
+        let row = row.unwrap();
+        if &row[2] == "right" && &row[3] == "heel_strike" {
+            strikes.push((row[0].to_string(), row[4].parse().unwrap()));
+        }
+    }
+    strikes.sort_by(|a, b| a.1.total_cmp(&b.1));
+    for name in SHIPPED {
+        let trial = TrialFile::read(&shipped(name)).unwrap().load(Some(&data)).unwrap();
+        let times: Vec<f64> = strikes.iter().filter(|s| s.0 == name).map(|s| s.1).collect();
+        let report = &trial.time[trial.report.clone()];
+        let frame = 1.0 / 120.0;
+        assert_eq!(times.len(), 2, "{name}");
+        assert!((report[0] - times[0]).abs() < frame, "{name}: {} {}", report[0], times[0]);
+        assert!(
+            (report[report.len() - 1] - times[1]).abs() < frame,
+            "{name}: {} {}",
+            report[report.len() - 1],
+            times[1]
+        );
+        assert!(
+            trial.report.start > 25 && trial.report.end + 25 < trial.time.len(),
+            "{name}: frames for the filters"
+        );
+        // no contact in swing, weight in stance: the samples are those of the right foot
+        let at = |t: f64| trial.ground.force[trial.ground.time.partition_point(|s| *s < t)].y;
+        let weight = 9.81 * trial.subject.mass;
+        let middle = |share: f64| times[0] + share * (times[1] - times[0]);
+        assert!((0.6..1.2).contains(&(at(middle(0.3)) / weight)), "{name}: {}", at(middle(0.3)));
+        assert!(at(middle(0.8)).abs() < 20.0, "{name}: {}", at(middle(0.8)));
+    }
+}
+
+#[test]
+fn recorded_landmarks_are_complete() {
+    let Some(data) = shared("gait") else { return };
+    for name in SHIPPED {
+        let file = TrialFile::read(&shipped(name)).unwrap();
+        match file.landmarks(Some(&data)).unwrap().source {
+            Landmarks::Table { items, recorded } => {
+                assert_eq!(recorded.len(), file.markers.all().count(), "{name}");
+                assert!(multibody::calibration::table::anatomy(&items, &recorded).is_ok(), "{name}");
+            }
+            Landmarks::Functional { roles, tracks, motions } => {
+                assert_eq!(motions.len(), 3, "{name}");
+                for tracks in motions.iter().chain([&tracks]) {
+                    for role in [
+                        &roles.right_asis,
+                        &roles.left_psis,
+                        &roles.heel,
+                        &roles.metatarsal_1,
+                        &roles.metatarsal_5,
+                    ] {
+                        assert!(tracks.iter().any(|t| t.name == *role), "{name}: {role}");
+                    }
+                }
+            }
+            Landmarks::Markers { .. } => panic!("{name}"),
+        }
+    }
+}
+
+#[test]
+fn landmark_markers_may_come_from_a_static_trial() {
+    let mut walking = Walking::new();
+    let table = walking.toml.find("[landmarks]").unwrap();
+    walking.toml.truncate(table);
+    walking.toml += "[landmarks]\nsource = \"markers\"\nstatic = \"still.trc\"\nright_asis = \"RASI\"\nleft_asis = \"LASI\"\n\
+        right_psis = \"RPSI\"\nleft_psis = \"LPSI\"\nheel = \"heel\"\nmetatarsal_1 = \"metatarsal_head_1\"\n\
+        metatarsal_5 = \"metatarsal_head_5\"\nlateral_epicondyle = \"KL\"\nmedial_epicondyle = \"KM\"\n\
+        lateral_malleolus = \"AL\"\nmedial_malleolus = \"AM\"\n";
+    let path = walking.write();
+    let mut still = Walking::new();
+    still.time.truncate(5);
+    for (_, path) in &mut still.markers {
+        path.truncate(5);
+    }
+    for (name, z) in [("KL", 120.0), ("KM", 40.0), ("AL", 110.0), ("AM", 50.0)] {
+        still.markers.push((name.to_string(), vec![Some(Vector3::new(0.0, 500.0, z)); 5]));
+    }
+    std::fs::write(walking.folder().join("still.trc"), still.trc()).unwrap();
+    let file = TrialFile::read(&path).unwrap();
+    assert!(file.load(None).is_ok());
+    let Landmarks::Markers { roles, tracks } = file.landmarks(None).unwrap().source else { panic!() };
+    assert_eq!(roles.lateral_epicondyle.as_deref(), Some("KL"));
+    assert_eq!(tracks.len(), file.markers.all().count() + 4);
+    let knee = tracks.iter().find(|t| t.name == "KL").unwrap();
+    assert_eq!(knee.position[0], Some(Vector3::new(0.0, 0.5, 0.12)));
+}
+
+#[test]
+fn gaps_stay_gaps_unless_the_file_says_otherwise() {
+    let whole = Walking::new().load().unwrap();
+    let mut walking = Walking::new();
+    walking.marker("heel")[70..75].fill(None);
+    walking.marker("heel")[100..120].fill(None);
+    walking.marker("thigh_superior")[90..=90].fill(None);
+    let count =
+        |trial: &Trial| trial.markers.iter().flat_map(|m| &m.position).filter(|p| p.is_none()).count();
+    assert_eq!(count(&walking.load().unwrap()), 26);
+    walking.toml += "[gaps]\nfill_up_to_frames = 5\n";
+    let filled = walking.load().unwrap();
+    assert_eq!(count(&filled), 20, "the gap of 20 frames is too long");
+    for (a, b) in filled.markers.iter().zip(&whole.markers) {
+        for (p, q) in a.position.iter().zip(&b.position) {
+            let error = p.map_or(0.0, |p| (p - q.unwrap()).norm());
+            assert!(error < 0.004, "{}: {error}", a.name); // the heel moves at up to 3 m/s, 37 mm per frame
+        }
+    }
+}
+
+#[test]
+fn whole_frames_and_segments_may_be_lost() {
+    let mut walking = Walking::new();
+    for (name, path) in &mut walking.markers {
+        path[60..64].fill(None);
+        if name.starts_with("thigh") {
+            path[80..200].fill(None);
+        }
+    }
+    let trial = walking.load().unwrap();
+    assert!(trial.markers.iter().all(|m| m.position[60..64].iter().all(Option::is_none)));
+    assert!(
+        trial
+            .markers
+            .iter()
+            .flat_map(|m| m.position.iter().flatten())
+            .all(|p| p.iter().all(|c| c.is_finite()))
+    );
+}
+
+// ------------------------------------------------------------------------------------------------ markers
+
+#[test]
+fn a_misnamed_marker_is_named_with_its_neighbour() {
+    let error = error_of(|w| {
+        w.replace("\"thigh_superior\", ", "\"thigh_superor\", ");
+        w.replace("\"thigh superior\" = \"thigh_superior\"", "\"thigh superior\" = \"thigh_superor\"");
+    });
+    let line = Walking::new().toml.lines().position(|l| l.starts_with("thigh =")).unwrap() + 1;
+    refused!(
+        error,
+        InputError::UnknownName { .. },
+        "walk.toml",
+        &format!("line {line}"),
+        "`thigh_superor`",
+        "`thigh_superior`"
+    );
+}
+
+#[test]
+fn a_marker_that_is_never_seen_is_named() {
+    refused!(
+        error_of(|w| w.marker("heel").fill(None)),
+        InputError::NeverSeen { .. },
+        "walk.trc",
+        "`heel`",
+        "201 frames"
+    );
+    let zeros = |w: &mut Walking| {
+        w.replace("motion = ", "zeros_missing = true\nmotion = ");
+        w.marker("heel").fill(Some(Vector3::new(0.0, -0.0, 0.0)));
+    };
+    refused!(error_of(zeros), InputError::NeverSeen { zeros: true, .. }, "exact zeros");
+    refused!(
+        error_of(|w| w.marker("heel")[30] = Some(Vector3::zeros())),
+        InputError::ExactZero { frame: 31, .. },
+        "zeros_missing"
+    );
+}
+
+#[test]
+fn wrong_units_are_noticed_and_can_be_mended() {
+    refused!(
+        error_of(|w| w.unit = "m"),
+        InputError::WrongUnits { .. },
+        "walk.trc",
+        "millimetres were read as metres",
+        "`units`"
+    );
+    let small = |w: &mut Walking| {
+        w.map(|p| p * 1e-3);
+    };
+    refused!(error_of(small), InputError::WrongUnits { .. }, "metres were read as millimetres");
+    refused!(
+        error_of(|w| w.unit = "cm"),
+        InputError::WrongUnits { .. },
+        "millimetres were read as centimetres"
+    );
+    let reference = Walking::new().load().unwrap();
+    let mut mended = Walking::new();
+    mended.unit = "m";
+    mended.replace("motion = ", "units = \"mm\"\nmotion = ");
+    assert_same(&mended.load().unwrap(), &reference, 1e-9, 1e-9);
+}
+
+#[test]
+fn left_taken_for_right_is_noticed() {
+    refused!(
+        error_of(|w| {
+            w.replace("side = \"right\"", "side = \"left\"");
+        }),
+        InputError::WrongSide { .. },
+        "`side` is left",
+        "thigh markers"
+    );
+    let plate = format!("plates = [{LEFT_PLATE}]");
+    let other_plate = |w: &mut Walking| {
+        w.replace("plates = [1]", &plate);
+    };
+    refused!(error_of(other_plate), InputError::WrongFoot { .. }, "plate 2", "right foot");
+}
+
+#[test]
+fn mirrored_and_turned_recordings_are_noticed() {
+    let map = |change: fn(Vector3<f64>) -> Vector3<f64>| {
+        error_of(|w| {
+            w.map(change);
+        })
+    };
+    refused!(map(|p| Vector3::new(p.x, p.y, -p.z)), InputError::WrongSide { .. }, "mirrored");
+    refused!(map(|p| Vector3::new(-p.x, p.y, p.z)), InputError::WrongSide { .. }, "axes.x");
+    refused!(map(|p| Vector3::new(-p.x, p.y, -p.z)), InputError::WrongSide { .. }, "axes.x");
+    refused!(map(|p| Vector3::new(p.x, -p.z, p.y)), InputError::WrongSide { .. }, "axes.y");
+    let axes = |text: &'static str| {
+        error_of(|w| {
+            w.replace("motion = ", &format!("axes = {text}\nmotion = "));
+        })
+    };
+    refused!(axes("{ x = \"x\", y = \"y\", z = \"-z\" }"), InputError::BadValue { line: 1, .. }, "mirror");
+    refused!(axes("{ x = \"x\", y = \"y\", z = \"x\" }"), InputError::BadValue { line: 1, .. }, "used once");
+    refused!(
+        axes("{ x = \"x\", y = \"y\", z = \"w\" }"),
+        InputError::Malformed { at: Place::Line(1), .. },
+        "`w`"
+    );
+}
+
+#[test]
+fn exchanged_markers_are_named() {
+    for (a, b) in [
+        ("RASI", "LASI"),
+        ("RPSI", "LPSI"),
+        ("RASI", "RPSI"),
+        ("LASI", "LPSI"),
+        ("thigh_superior", "thigh_inferior"),
+    ] {
+        let error = error_of(|w| {
+            w.exchange(a, b, 0);
+        });
+        refused!(error, InputError::Swapped { at: Place::Whole, .. }, a, b, "exchange their names");
+    }
+    for (a, b) in [
+        ("thigh_lateral", "thigh_inferior"),
+        ("R_Shank_Superior", "R_Shank_Inferior"),
+        ("heel", "R_Hindfoot"),
+    ] {
+        let error = error_of(|w| {
+            w.exchange(a, b, 120);
+        });
+        refused!(error, InputError::Swapped { at: Place::Frame(121), .. }, a, b, "each other's places");
+    }
+}
+
+#[test]
+fn copied_and_wandering_markers_are_named() {
+    let copied = |w: &mut Walking| {
+        *w.marker("thigh_inferior") = w.marker("thigh_superior").clone();
+    };
+    refused!(error_of(copied), InputError::Duplicated { .. }, "`thigh_superior`", "`thigh_inferior`");
+    let wandering = |w: &mut Walking| {
+        for (i, p) in w.marker("thigh_lateral").iter_mut().enumerate() {
+            p.as_mut().unwrap().y += i as f64; // mm
+        }
+    };
+    refused!(error_of(wandering), InputError::NotRigid { .. }, "`thigh_lateral`", "thigh");
+    let listed_twice = |w: &mut Walking| {
+        w.replace("shank = [", "shank = [\"heel\", ");
+    };
+    refused!(error_of(listed_twice), InputError::BadValue { .. }, "`heel`", "list it once");
+}
+
+// ------------------------------------------------------------------------------------------------ time and forces
+
+#[test]
+fn times_that_do_not_meet_are_refused() {
+    let later = |w: &mut Walking| w.force_time.iter_mut().for_each(|t| *t += 10.0);
+    refused!(error_of(later), InputError::NoOverlap { .. }, "walk.trc", "walk.sto", "one clock");
+    let beyond = |w: &mut Walking| {
+        w.replace("cycle = 1", "start_s = 0.0\nend_s = 9.0");
+    };
+    refused!(error_of(beyond), InputError::NoOverlap { .. }, "9.0000 s");
+    refused!(error_of(|w| w.time.swap(3, 4)), InputError::Malformed { at: Place::Line(10), .. }, "time");
+    let still = |w: &mut Walking| w.force_time[7] = w.force_time[6];
+    refused!(error_of(still), InputError::TimeNotIncreasing { at: Place::Line(14), .. }, "walk.sto");
+}
+
+#[test]
+fn forces_that_cannot_be_are_refused() {
+    let scaled = |factor: f64| error_of(|w| w.plates.iter_mut().flatten().for_each(|(f, _)| *f *= factor));
+    refused!(scaled(0.0), InputError::NoContact { .. }, "plate 1", "20 N");
+    refused!(scaled(1e-3), InputError::NoContact { .. }, "0.7 N");
+    refused!(scaled(1e3), InputError::WrongForce { .. }, "body weights", "in N");
+    refused!(scaled(-1.0), InputError::WrongForce { .. }, "on_plate");
+    refused!(
+        error_of(|w| w.plates[0][60].0.y = f64::NAN),
+        InputError::BadNumber { at: Place::Line(67), .. },
+        "f1_vy",
+        "NaN"
+    );
+    let far = |w: &mut Walking| w.plates.iter_mut().flatten().for_each(|(_, p)| *p *= 1e3);
+    let endless = |w: &mut Walking| w.plates[0][70].1.x = 1e308;
+    refused!(error_of(endless), InputError::WrongForce { .. }, "plate 1", "in m");
+    refused!(error_of(far), InputError::WrongFoot { .. } | InputError::WrongForce { .. }, "plate 1");
+    let mut on_plate = Walking::new();
+    let reference = on_plate.load().unwrap();
+    on_plate.plates.iter_mut().flatten().for_each(|(f, _)| *f *= -1.0);
+    on_plate.replace("plates = [1]", "plates = [1]\non_plate = true");
+    assert_same(&on_plate.load().unwrap(), &reference, 1e-12, 1e-9);
+}
+
+#[test]
+fn a_spike_is_no_heel_strike_and_the_other_foot_does_not_count() {
+    let reference = Walking::new().load().unwrap();
+    let mut walking = Walking::new();
+    let at = reference.ground.time.len() - 65; // in swing
+    walking.plates[0][at].0.y = 60.0;
+    assert_eq!(walking.load().unwrap().report, reference.report);
+    // Both feet step on one plate, one after the other: only the right steps are taken.
+    let mut shared_plate = Walking::new();
+    for i in 0..shared_plate.force_time.len() {
+        // swing of the right leg, less the time on both feet
+        if shared_plate.plates[0][i].0.y == 0.0 {
+            shared_plate.plates[0][i] = shared_plate.plates[1][i];
+        }
+    }
+    for i in 1..shared_plate.force_time.len() {
+        let (before, now) = (shared_plate.plates[0][i - 1].0.y, shared_plate.plates[0][i].0.y);
+        if (before > 0.0) && (now > 0.0) && (before - now).abs() > 200.0 {
+            shared_plate.plates[0][i].0 = Vector3::zeros(); // the foot is off the plate for a moment
+        }
+    }
+    let trial = shared_plate.load().unwrap();
+    let middle_of_swing = (trial.report.start + trial.report.end) / 2 + 30;
+    assert!(shared_plate.plates[0][middle_of_swing].0.y > 300.0, "the left foot is on the plate");
+    assert_eq!(trial.ground.force[middle_of_swing], Vector3::zeros());
+}
+
+#[test]
+fn a_cycle_that_is_not_there_is_refused() {
+    let cycle = |n: &str| {
+        error_of(|w| {
+            w.replace("cycle = 1", &format!("cycle = {n}"));
+        })
+    };
+    refused!(cycle("2"), InputError::NoCycle { wanted: 2, .. }, "3 heel strikes", "start_s");
+    refused!(cycle("1000"), InputError::NoCycle { .. }, "1001 heel strikes");
+    refused!(cycle("9223372036854775807"), InputError::BadValue { .. }, "count from 1");
+    refused!(
+        cycle("18446744073709551615"),
+        InputError::BadValue { .. } | InputError::Malformed { .. },
+        "walk.toml"
+    );
+    refused!(cycle("0"), InputError::BadValue { .. }, "count from 1");
+}
+
+// ------------------------------------------------------------------------------------------------ the trial file
+
+#[test]
+fn unknown_keys_are_named_with_the_nearest() {
+    let with = |from: &str, to: &str| {
+        let (from, to) = (from.to_string(), to.to_string());
+        error_of(move |w| {
+            w.replace(&from, &to);
+        })
+    };
+    refused!(
+        with("mass_kg", "mas_kg"),
+        InputError::UnknownKey { line: 5, .. },
+        "walk.toml",
+        "line 5",
+        "`mas_kg`",
+        "`mass_kg`"
+    );
+    refused!(
+        with("motion = ", "zero_missing = true\nmotion = "),
+        InputError::UnknownKey { line: 1, .. },
+        "`zeros_missing`"
+    );
+    refused!(
+        with("source = ", "hip_center = \"table\"\nsource = "),
+        InputError::UnknownKey { .. },
+        "`hip_centre`"
+    );
+    refused!(with("[range]", "[fliter]\nmotion_hz = 5\n[range]"), InputError::UnknownKey { .. }, "`filter`");
+    refused!(with("point = ", "pont = "), InputError::UnknownKey { .. }, "`pont`", "`point`");
+    refused!(
+        with("[range]", "[filter]\ncontact_threshold_n = 5\n[range]"),
+        InputError::UnknownKey { .. },
+        "`contact_threshold_N`"
+    );
+}
+
+#[test]
+fn values_out_of_range_are_named() {
+    for (from, to, words) in [
+        ("mass_kg = 70", "mass_kg = 0", "`mass_kg` is 0"),
+        ("mass_kg = 70", "mass_kg = -70", "`mass_kg` is -70"),
+        ("mass_kg = 70", "mass_kg = nan", "`mass_kg` is NaN"),
+        ("height_m = 1.72", "height_m = 172", "standing height in m"),
+        ("cycle = 1", "cycle = 1\nstart_s = 0.0", "give `cycle`, or"),
+        ("cycle = 1", "start_s = 1.0\nend_s = 0.5", "less than `end_s`"),
+        ("plates = [1]", "plates = []", "`plates` is empty"),
+        ("plates = [1]", "plates = [7]", "[[force.columns]]"),
+        ("[range]", "[filter]\nmotion_hz = 0\n[range]", "`motion_hz` is 0"),
+        ("source = \"table\"", "source = \"functional\"", "without `right_asis`"),
+        ("table = \"DM.csv\"\n", "", "without `table`"),
+        ("source = \"table\"", "source = \"table\"\nright_asis = \"RASI\"", "does not use it"),
+        ("source = \"table\"", "source = \"table\"\nhip_centre = [0.1, 77.0, 0.1]", "three numbers in m"),
+        ("source = \"table\"", "source = \"table\"\nhip_centre = \"tabel\"", "`regression`"),
+        ("\"thigh superior\" =", "\"thigh superor\" =", "`thigh superior`"),
+        ("\"thigh superior\" = \"thigh_superior\"", "\"thigh superior\" = \"heel\"", "on the foot"),
+        ("\"f1_vy\"", "\"f1_vyy\"", "`f1_vy`"),
+        ("side = \"right\"", "side = \"rigth\"", "`rigth`"),
+    ] {
+        let error = error_of(|w| {
+            w.replace(from, to);
+        });
+        let message = error.to_string();
+        assert!(
+            message.contains(words) && message.contains("walk.toml") && message.contains("line"),
+            "{to}: {message}"
+        );
+    }
+}
+
+#[test]
+fn files_outside_the_folders_are_refused() {
+    let outside = tempfile::tempdir().unwrap();
+    std::fs::write(outside.path().join("walk.trc"), Walking::new().trc()).unwrap();
+    let absolute = outside.path().join("walk.trc").display().to_string();
+    for path in [
+        "../walk.trc",
+        "../../etc/passwd",
+        "a/../../walk.trc",
+        "/etc/passwd",
+        absolute.as_str(),
+        "../absent.trc",
+    ] {
+        let error = error_of(|w| {
+            w.replace("walk.trc", path);
+        });
+        refused!(error, InputError::PathEscapes { .. }, path, "--data");
+    }
+    #[cfg(unix)]
+    {
+        let mut walking = Walking::new();
+        walking.replace("walk.trc", "link.trc");
+        let path = walking.write();
+        std::os::unix::fs::symlink(&absolute, walking.folder().join("link.trc")).unwrap();
+        refused!(
+            TrialFile::read(&path).unwrap().load(None).unwrap_err(),
+            InputError::PathEscapes { .. },
+            "link.trc"
+        );
+    }
+    let absent = |w: &mut Walking| {
+        w.replace("walk.trc", "wlk.trc");
+    };
+    refused!(error_of(absent), InputError::NotFound { .. }, "wlk.trc", "--data");
+    // the data folder is another allowed place
+    let mut walking = Walking::new();
+    walking.replace("walk.trc", "only_there.trc");
+    let path = walking.write();
+    std::fs::rename(outside.path().join("walk.trc"), outside.path().join("only_there.trc")).unwrap();
+    assert!(TrialFile::read(&path).unwrap().load(Some(outside.path())).is_ok());
+}
+
+#[test]
+fn damaged_trial_files_never_panic() {
+    let walking = Walking::new();
+    let bytes = walking.toml.as_bytes();
+    let path = Path::new("walk.toml");
+    for length in 0..bytes.len() {
+        let _ = TrialFile::parse(path, &bytes[..length]);
+    }
+    let mut state = 7u64;
+    let mut random = |n: usize| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize % n
+    };
+    let mut refused = 0;
+    for _ in 0..3000 {
+        let mut damaged = bytes.to_vec();
+        for _ in 0..1 + random(3) {
+            let at = random(damaged.len());
+            damaged[at] = random(256) as u8;
+        }
+        refused += usize::from(TrialFile::parse(path, &damaged).is_err());
+    }
+    assert!(refused > 1000, "{refused}");
+    let utf16: Vec<u8> = walking.toml.encode_utf16().flat_map(|c| c.to_le_bytes()).collect();
+    refused!(TrialFile::parse(path, &utf16).unwrap_err(), InputError::Malformed { .. }, "UTF-16");
+}
+
+#[test]
+fn damaged_recordings_are_named_through_the_trial_file() {
+    let Some(data) = shared("gait") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("jw")).unwrap();
+    for name in ["jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"] {
+        let file = format!("jw/{name}.c3d");
+        std::fs::copy(data.join(&file), folder.path().join(&file)).unwrap();
+    }
+    let trial = || TrialFile::read(&shipped("jw_ngait_og3")).unwrap().load(Some(folder.path()));
+    assert!(trial().is_ok());
+    let whole = std::fs::read(data.join("jw/jw_ngait_og3.c3d")).unwrap();
+    let path = folder.path().join("jw/jw_ngait_og3.c3d");
+    let rewrite = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = whole.clone();
+        change(&mut bytes);
+        let _ = std::fs::remove_file(&path);
+        std::fs::write(&path, bytes).unwrap();
+        trial().expect_err("damage")
+    };
+    refused!(
+        rewrite(&|b| b.truncate(400_000)),
+        InputError::Malformed { at: Place::Byte(400_000), .. },
+        "jw_ngait_og3.c3d",
+        "cut off"
+    );
+    refused!(rewrite(&|b| b[2] = 57), InputError::Malformed { .. }, "57 points");
+    refused!(rewrite(&|b| b[9] = 0xff), InputError::Malformed { .. }, "POINT:FRAMES");
+    // the numbers are mm, the file claims m
+    let units = |b: &mut Vec<u8>| {
+        let at = b.windows(5).position(|w| w == b"UNITS").unwrap();
+        assert_eq!(&b[at + 10..at + 12], b"mm");
+        b[at + 10..at + 12].copy_from_slice(b"m ");
+    };
+    refused!(
+        rewrite(&units),
+        InputError::WrongUnits { .. } | InputError::Malformed { .. },
+        "jw_ngait_og3.c3d"
+    );
+    // two names exchanged in the list of labels of one recording: the other recordings tell
+    let names = |b: &mut Vec<u8>| {
+        let place = |n: &[u8]| b.windows(n.len()).position(|w| w == n).unwrap();
+        let (first, second) = (place(b"RThighSuperior "), place(b"RThighInferior "));
+        b[first..first + 15].copy_from_slice(b"RThighInferior ");
+        b[second..second + 15].copy_from_slice(b"RThighSuperior ");
+    };
+    refused!(rewrite(&names), InputError::Swapped { .. }, "RThighSuperior", "RThighInferior");
+}
+
+#[test]
+fn check_reports_on_trial_files() {
+    let walking = Walking::new();
+    let text = multibody::read::check(&walking.write(), None).unwrap();
+    assert!(
+        text.contains("15 markers") && text.contains("101 frames") && text.contains("table of"),
+        "{text}"
+    );
+    let mut bad = Walking::new();
+    bad.marker("heel").fill(None);
+    refused!(multibody::read::check(&bad.write(), None).unwrap_err(), InputError::NeverSeen { .. }, "heel");
+}

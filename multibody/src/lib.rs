@@ -24,6 +24,8 @@ pub mod sharing;
 pub mod tables;
 pub mod tangent;
 pub mod trial;
+pub mod trial_file;
 pub mod walker;
 
 pub use error::InputError;
+pub use trial_file::TrialFile;

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::{MarkerRecording, TimeSeries, c3d, ending, read_series, read_trc};
 use crate::error::InputError;
+use crate::trial_file::{Landmarks, TrialFile};
 
 /// Reads a file of any kind that the program takes and says what it holds.
 ///
 /// A trial file is read with everything it refers to; `data` is the folder of the recordings.
 pub fn check(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
-    let _ = data;
     match ending(path).as_str() {
         "c3d" => {
             let file = c3d::read(path)?;
@@ -43,12 +43,51 @@ pub fn check(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
         }
         "trc" => Ok(format!("TRC file. {}", markers(&read_trc(path)?))),
         "sto" | "mot" => Ok(format!("Storage file. {}", series(&read_series(path)?))),
+        "toml" => trial(path, data),
         "csv" => Ok(format!("Table. {}", series(&read_series(path)?))),
         _ => Err(InputError::UnknownKind {
             file: path.to_path_buf(),
             wanted: ".c3d, .trc, .sto, .mot, .csv, .toml",
         }),
     }
+}
+
+fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
+    let file = TrialFile::read(path)?;
+    let trial = file.load(data)?;
+    let source = match file.landmarks(data)?.source {
+        Landmarks::Table { items, .. } => format!("a table of {} items", items.len()),
+        Landmarks::Markers { .. } => "landmark markers".to_string(),
+        Landmarks::Functional { motions, .. } => {
+            format!("functional calibration on {} recordings", motions.len())
+        }
+    };
+    let report = &trial.time[trial.report.clone()];
+    let gaps: usize = trial
+        .markers
+        .iter()
+        .map(|m| m.position[trial.report.clone()].iter().filter(|p| p.is_none()).count())
+        .sum();
+    let peak = trial.ground.force.iter().map(|f| f.y).fold(0.0, f64::max);
+    Ok(format!(
+        "Trial file. {} ({:?} leg, {} kg, {} m). {} markers in {} frames, {:.4} to {:.4} s; reported are {} frames, {:.4} to {:.4} s, with {} \
+         missing marker positions. Ground reaction from {} samples, up to {:.0} N ({:.2} body weights). Landmarks from {source}.",
+        file.subject.name,
+        trial.side,
+        trial.subject.mass,
+        trial.subject.height,
+        trial.markers.len(),
+        trial.time.len(),
+        trial.time[0],
+        trial.time[trial.time.len() - 1],
+        report.len(),
+        report[0],
+        report[report.len() - 1],
+        gaps,
+        trial.ground.time.len(),
+        peak,
+        peak / (9.81 * trial.subject.mass),
+    ))
 }
 
 fn markers(recording: &MarkerRecording) -> String {

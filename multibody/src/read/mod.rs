@@ -22,6 +22,7 @@ pub use knee_forces::{KneeForces, read_knee_forces};
 pub use parameters::{Parameter, Parameters, Values};
 pub use plate::{ForcePlate, PlateLoad};
 pub use series::{TimeSeries, parse_series, read_series};
+pub(crate) use text::decode;
 pub use trc::{parse_trc, read_trc};
 
 use crate::error::{InputError, Place};
@@ -32,7 +33,7 @@ const LARGEST_POSITION: f64 = 1e4;
 const LARGEST_RATE: f64 = 1e6;
 
 /// Paths of markers, in the axes of the file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MarkerRecording {
     /// One name per marker.
     pub names: Vec<String>,

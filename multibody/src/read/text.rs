@@ -6,7 +6,7 @@ use super::malformed;
 use crate::error::{InputError, Place};
 
 /// The text of a file without byte order mark. UTF-16 and other encodings are refused.
-pub(super) fn decode<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, InputError> {
+pub(crate) fn decode<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, InputError> {
     let remedy = "save the file as UTF-8 text";
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         return Err(malformed(file, Place::Byte(0), "the text is UTF-16", remedy));

@@ -1,0 +1,45 @@
+//! Where the files of a trial may lie: below the folder of the trial file or below the data folder, nowhere else.
+
+use std::path::{Component, Path, PathBuf};
+
+use super::TrialFile;
+use crate::error::InputError;
+
+impl TrialFile {
+    /// Finds a file named in the trial file. Links that lead out of the folders are refused like `../`.
+    pub(super) fn find(&self, given: &Path, data: Option<&Path>) -> Result<PathBuf, InputError> {
+        self.find_below(given, &self.folders(data))
+    }
+
+    /// Finds a table of landmarks; it may also lie in a folder `subjects` beside the folder of the trial file.
+    pub(super) fn find_table(&self, given: &Path, data: Option<&Path>) -> Result<PathBuf, InputError> {
+        let mut folders = self.folders(data);
+        folders.insert(1, folders[0].join("../subjects"));
+        self.find_below(given, &folders)
+    }
+
+    fn folders(&self, data: Option<&Path>) -> Vec<PathBuf> {
+        let own = match self.path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        std::iter::once(own).chain(data.map(Path::to_path_buf)).collect()
+    }
+
+    fn find_below(&self, given: &Path, folders: &[PathBuf]) -> Result<PathBuf, InputError> {
+        let mut outside = given.is_absolute() || given.components().any(|c| c == Component::ParentDir);
+        for folder in folders {
+            let path = folder.join(given);
+            let (Ok(real), Ok(real_folder)) = (path.canonicalize(), folder.canonicalize()) else { continue };
+            if real.starts_with(&real_folder) {
+                return Ok(path);
+            }
+            outside = true;
+        }
+        if outside {
+            return Err(InputError::PathEscapes { file: self.path.clone(), path: given.to_path_buf() });
+        }
+        let searched = folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
+        Err(InputError::NotFound { file: self.path.clone(), path: given.to_path_buf(), searched })
+    }
+}
