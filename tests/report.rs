@@ -580,12 +580,12 @@ fn the_page_is_whole_and_draws_every_muscle() {
     let rows: Vec<_> = classed(&tags, "row").collect();
     assert_eq!(rows.len(), 43);
     assert!(rows.iter().all(|row| row["data-values"].split(',').count() == FRAMES));
-    for curve in
-        ["medial", "lateral", "total", "ACL", "patellar tendon", "resultant", "KKT residual", "residual"]
-    {
+    for curve in ["medial", "lateral", "total", "ACL", "tendon", "resultant", "KKT residual", "residual"] {
         assert!(curves.contains(&curve), "{curve} is not drawn");
     }
     assert!(page.contains("% of gait cycle"));
+    // Strengths on the scale of their figure (those of at most twice the peak), and the tolerance of the residuals.
+    assert_eq!(classed(&tags, "bound").count(), MUSCLES.iter().filter(|m| m.4 >= 0.5).count() + 1);
     let mut no_cycle = walk.report();
     no_cycle.cycle = None;
     let page = optimize_page(&no_cycle);
@@ -625,7 +625,8 @@ fn frames_that_are_not_solved_appear_in_strip_and_text() {
     let walk = Walk::new().spoil();
     let page = optimize_page(&walk.report());
     let tags = check_page(&page);
-    let strip = page.split("class=\"strip\">").nth(1).unwrap().split("</div>").next().unwrap();
+    let strip =
+        page.split("class=\"strip\" style=\"--n: 101\">").nth(1).unwrap().split("</div>").next().unwrap();
     let letters: Vec<&str> = strip.split("</span>").filter_map(|cell| cell.rsplit('>').next()).collect();
     assert_eq!(
         letters[..FRAMES].concat(),
@@ -776,4 +777,55 @@ fn a_killed_run_leaves_only_whole_files_and_run_json_only_beside_all_of_them() {
     }
     println!("{complete} of {kills} kills found a complete folder");
     assert!(complete > 0 && complete < kills, "both outcomes are needed, else the test saw nothing");
+}
+
+/// Opens `page` in headless Chromium with `script` run at its end; `None`, with a notice, where there is no Chromium.
+fn in_browser(page: &str, script: &str, arguments: &[&str]) -> Option<String> {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("page.html");
+    fs::write(&file, page.replace("</body>", &format!("<script>{script}</script></body>"))).unwrap();
+    let output = Command::new("chromium")
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .arg(format!("--user-data-dir={}", dir.path().join("profile").display()))
+        .args(arguments)
+        .arg("--dump-dom")
+        .arg(format!("file://{}", file.display()))
+        .stderr(Stdio::null())
+        .output();
+    match output {
+        Ok(output) if output.status.success() => Some(String::from_utf8(output.stdout).unwrap()),
+        _ => {
+            eprintln!("notice: Chromium is absent or does not start; this check is skipped");
+            None
+        }
+    }
+}
+
+/// The tooltip of a muscle's figure reads its force back, and no width makes the page scroll sideways.
+#[test]
+fn the_pointer_reads_values_back_in_a_browser() {
+    let walk = Walk::new().with_measured_knee();
+    let page = optimize_page(&walk.report());
+    let script = r#"
+        const svg = document.querySelector('path.line[data-name="soleus"]').ownerSVGElement;
+        svg.scrollIntoView();
+        const box = svg.getBoundingClientRect();
+        const [left, right] = svg.dataset.frame.split(" ").map(Number);
+        const x = box.left + (left + 0.5 * (right - left)) / svg.viewBox.baseVal.width * box.width;
+        svg.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: box.top + 20 }));
+        document.title = document.getElementById("tip").innerText.replace(/\s+/g, " ")
+            + " | " + (document.documentElement.scrollWidth - innerWidth);"#;
+    let j = MUSCLES.iter().position(|m| m.0 == "soleus").unwrap();
+    let force = walk.effort.forces.values[(50, j)];
+    for width in ["--window-size=1400,900", "--window-size=800,900", "--window-size=500,900"] {
+        let Some(dom) = in_browser(&page, script, &[width]) else { return };
+        let title = dom.split("<title>").nth(1).unwrap().split("</title>").next().unwrap();
+        let (tip, overflow) = title.rsplit_once(" | ").expect("the script of the page ran to its end");
+        assert!(overflow.parse::<f64>().unwrap() <= 0.0, "{width}: {overflow} px too wide");
+        let value: f64 =
+            tip.split("soleus").nth(1).and_then(|t| t.trim().split(' ').next()).unwrap().parse().unwrap();
+        assert!((value - force).abs() < 1.0, "{width}: {tip}, wanted {force} N"); // shown without decimals
+        assert!(tip.starts_with("0.621 s · 50.0 %"), "{tip}");
+    }
 }

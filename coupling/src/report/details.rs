@@ -72,6 +72,13 @@ impl View<'_> {
         )
     }
 
+    /// Leg, subject and frames in one line.
+    pub(super) fn who(&self) -> String {
+        let rows = self.subject();
+        let value = |label: &str| rows.iter().find(|row| row.0 == label).map_or("", |row| row.1.as_str());
+        format!("{} leg · {} · frames: {}", value("Leg"), value("Subject"), value("Frames"))
+    }
+
     fn subject(&self) -> Vec<(String, String)> {
         let (trial, loads) = (self.report.trial, self.report.loads);
         let subject = &trial.subject;
@@ -93,7 +100,7 @@ impl View<'_> {
                 "Subject".into(),
                 format!("{sex}, {} kg, {} m", significant(subject.mass, 3), fixed(subject.height, 2)),
             ),
-            ("Frames".into(), format!("{} from {} to {} s", time.len(), fixed(first, 3), fixed(last, 3))),
+            ("Frames".into(), format!("{}, {} to {} s", time.len(), fixed(first, 3), fixed(last, 3))),
             ("Markers".into(), trial.markers.len().to_string()),
         ];
         if let Some([start, end]) = self.report.cycle {

@@ -11,7 +11,7 @@ use super::optimize::{View, words};
 use super::page::{grid, section, table};
 use super::plot::{Line, Plot, RightAxis, Scale, Size};
 use super::svg::{extent, fixed};
-use super::{column, total_knee_force};
+use super::{STANCE_THRESHOLD, column, total_knee_force};
 
 const COLOURS: [&str; 6] = ["c1", "c2", "c3", "c4", "c5", "c6"];
 
@@ -201,12 +201,36 @@ impl View<'_> {
             values: loads.ground_force.iter().map(|f| f[axis]).collect(),
         });
         let mut figures = vec![self.force_plot("Ground reaction", lines.collect())];
-        figures.extend(self.by_joint(&loads.moments, 1.0, "N·m", &|_| false));
+        figures.push(self.centre_of_pressure());
+        let free: Vec<f64> = loads.free_moment.iter().map(|m| m.y).collect();
+        let free = Line { name: "free moment".into(), class: "c1", time: Some(&loads.time), values: free };
+        figures.push(self.plot("Free moment, up", "N·m", vec![free]).render());
+        for figure in self.by_joint(&loads.moments, 1.0, "N·m", &|_| false) {
+            figures.push(figure.replacen("</b>", " moment</b>", 1));
+        }
         section(
             "Ground reaction and joint moments",
             "Force of the ground on the foot; moment that the muscles must supply about each joint coordinate.",
             &grid("normal", &figures),
         )
+    }
+
+    /// Relative to its first place, in ground axes; only while the foot stands.
+    fn centre_of_pressure(&self) -> String {
+        let loads = self.report.loads;
+        let stands = |i: usize| loads.ground_force[i].y > STANCE_THRESHOLD;
+        let first = (0..loads.time.len()).find(|&i| stands(i));
+        let lines = [(0, "forward"), (2, "right")].map(|(axis, name)| {
+            let place = |i: usize| match first {
+                Some(first) if stands(i) => {
+                    1e3 * (loads.centre_of_pressure[i][axis] - loads.centre_of_pressure[first][axis])
+                }
+                _ => f64::NAN,
+            };
+            let values = (0..loads.time.len()).map(place).collect();
+            Line { name: name.into(), class: colour(name, axis), time: Some(&loads.time), values }
+        });
+        self.plot("Centre of pressure, from its start", "mm", lines.into()).render()
     }
 
     pub(super) fn muscle_forces(&self) -> String {
@@ -316,7 +340,7 @@ impl View<'_> {
         let reserves = &self.report.effort.reserves;
         if !reserves.columns.is_empty() {
             for figure in self.by_joint(reserves, 1.0, "N·m", &|_| false) {
-                figures.push(figure.replacen("<figcaption><b>", "<figcaption><b>Reserve, ", 1));
+                figures.push(figure.replacen("</b>", " reserve</b>", 1));
             }
         }
         if figures.is_empty() {
@@ -335,7 +359,7 @@ impl View<'_> {
         let residuals = Plot {
             scale: Scale::Log,
             bound: Some((KKT_TOLERANCE, "tolerance")),
-            ..self.plot("Residuals of force sharing", "relative", vec![kkt, equality])
+            ..self.plot("Residuals", "", vec![kkt, equality])
         };
         let mut figures =
             vec![residuals.render(), self.plot("Bounds that hold", "count", vec![bounds]).render()];
@@ -343,7 +367,7 @@ impl View<'_> {
         figures.push(self.plot("Solver iterations", "count", vec![iterations]).render());
         section(
             "Quality of the solution",
-            "Residuals are recomputed from the answers, not the solver's word.",
+            "Relative residuals, recomputed from the answers and not the solver's word.",
             &grid("normal", &figures),
         )
     }
@@ -381,7 +405,7 @@ impl Panel {
         match self {
             Panel::Knee => "Tibiofemoral contact",
             Panel::Ligaments => "Knee ligaments",
-            Panel::Patella => "Patella and its tendon",
+            Panel::Patella => "Patella, contact and tendon",
             Panel::Hip => "Hip contact",
             Panel::Ankle => "Ankle contact",
             Panel::AnkleLigaments => "Ankle ligaments",
@@ -395,8 +419,8 @@ impl Panel {
         let name = column.strip_suffix("_N").unwrap_or(column);
         let component = name.rsplit('_').next().filter(|c| matches!(*c, "x" | "y" | "z"));
         match (self, component) {
-            (Panel::Hip | Panel::Ankle, Some(axis)) => axis.into(),
-            (Panel::Patella, Some(axis)) => format!("contact {axis}"),
+            (Panel::Hip | Panel::Ankle | Panel::Patella, Some(axis)) => axis.into(),
+            (Panel::Patella, None) => name.replace("patellar_", ""),
             (Panel::Bones, _) => name.replace("_axial", "").replace("axial_", ""),
             _ => name.into(),
         }

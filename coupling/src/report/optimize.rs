@@ -104,8 +104,9 @@ impl View<'_> {
         let (s, trial) = (&self.summary, self.report.trial);
         let [start, end] = self.report.cycle.unwrap_or([0.0, 0.0]);
         let mut out = format!(
-            "<header data-start=\"{start:?}\" data-end=\"{end:?}\">\n<p class=\"eyebrow\">Sartorius · static optimization of the lower limb</p>\n<h1>{}</h1>\n",
-            escape(&trial.name)
+            "<header data-start=\"{start:?}\" data-end=\"{end:?}\">\n<p class=\"eyebrow\">Sartorius · static optimization of the lower limb</p>\n<h1>{}</h1>\n<p class=\"subtitle\">{}</p>\n",
+            escape(&trial.name),
+            escape(&self.who())
         );
         let others =
             [(s.infeasible, "infeasible"), (s.failed, "failed"), (s.not_fitted, "without marker fit")];
@@ -114,14 +115,12 @@ impl View<'_> {
         let (class, detail) = if s.all_solved() {
             ("ok", "Optimality of every frame was recomputed from its answer.".to_string())
         } else {
-            ("bad", format!("{}; listed under Details.", others.join(", ")))
+            ("bad", format!("{}; <a href=\"#details\">see why</a>", others.join(", ")))
         };
         let _ = writeln!(
             out,
             "<p class=\"verdict {class}\"><b>{} of {} frames solved</b><span>{}</span></p>",
-            s.solved,
-            s.frames,
-            escape(&detail)
+            s.solved, s.frames, detail
         );
         out.push_str(&self.tiles());
         out.push_str(&self.strip());
@@ -181,7 +180,8 @@ impl View<'_> {
     /// One cell per frame: colour, letter, and the reason in its title.
     fn strip(&self) -> String {
         let marks = self.marks();
-        let mut out = String::from("<h3>Verdict per frame</h3>\n<div class=\"strip\">");
+        let mut out =
+            format!("<h3>Verdict per frame</h3>\n<div class=\"strip\" style=\"--n: {}\">", marks.len());
         for (i, mark) in marks.iter().enumerate() {
             let (class, letter, words) = mark.look();
             let verdict = &self.report.effort.verdicts[i];

@@ -17,11 +17,12 @@ pub fn document(title: &str, body: &str) -> String {
     )
 }
 
-/// A section with a heading and a sentence below it (may be empty).
+/// A section with a heading, which is also its anchor, and a sentence below it (may be empty).
 pub fn section(title: &str, lead: &str, content: &str) -> String {
     let lead =
         if lead.is_empty() { String::new() } else { format!("<p class=\"lead\">{}</p>\n", escape(lead)) };
-    format!("<section>\n<h2>{}</h2>\n{lead}{content}\n</section>\n", escape(title))
+    let id = title.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+    format!("<section id=\"{id}\">\n<h2>{}</h2>\n{lead}{content}\n</section>\n", escape(title))
 }
 
 /// Figures side by side; `class` says how wide.

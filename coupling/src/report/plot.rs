@@ -52,7 +52,7 @@ pub struct Line<'a> {
 pub enum Size {
     /// Three to a row.
     Normal,
-    /// Five to a row: fewer ticks, no seconds.
+    /// Seven to a row: fewer ticks, no seconds.
     Small,
 }
 
@@ -144,7 +144,7 @@ impl Plot<'_> {
         }
         self.horizontal_axis(&mut svg, &frame, &x, t0, t1);
         self.vertical_axis(&mut svg, &frame, &vertical, &y);
-        if let Some((value, _)) = self.bound.filter(|&(v, _)| v >= vertical.lo && v <= vertical.hi) {
+        if let Some((value, _)) = self.bound.filter(|&(v, _)| (frame.top..=frame.bottom).contains(&y(v))) {
             let _ = write!(
                 svg,
                 r#"<path class="bound" d="M{} {}H{}"/>"#,
@@ -161,7 +161,7 @@ impl Plot<'_> {
     }
 
     fn frame(&self) -> Frame {
-        let right_margin = if self.right.is_some() { 38.0 } else { 10.0 };
+        let right_margin = if self.right.is_some() { 44.0 } else { 10.0 };
         match self.size {
             Size::Normal => {
                 let (width, height) = (384.0, 236.0);
@@ -169,8 +169,8 @@ impl Plot<'_> {
                 Frame { left: 46.0, right: width - right_margin, top, bottom: height - 34.0, width, height }
             }
             Size::Small => {
-                let (width, height) = (228.0, 104.0);
-                Frame { left: 36.0, right: width - 6.0, top: 6.0, bottom: height - 18.0, width, height }
+                let (width, height) = (160.0, 96.0);
+                Frame { left: 31.0, right: width - 6.0, top: 6.0, bottom: height - 18.0, width, height }
             }
         }
     }
@@ -198,7 +198,7 @@ impl Plot<'_> {
         } else if hi - lo <= 1e-9 * largest {
             (lo, hi) = (lo - 0.1 * largest, hi + 0.1 * largest);
         }
-        let step = round_step((hi - lo) / wanted as f64);
+        let step = round_step((hi - lo) / wanted as f64) / 2.0; // every other edge carries a tick
         let snapped = |v: f64| v.clamp(-LARGEST, LARGEST);
         (lo, hi) = (snapped((lo / step).floor() * step), snapped((hi / step).ceil() * step));
         Vertical { lo, hi, log: false, ticks: Ticks::new(lo, hi, wanted) }
@@ -283,7 +283,8 @@ impl Plot<'_> {
                 }
                 if !small {
                     let seconds = Ticks::new(t0, t1, 5);
-                    for &t in &seconds.at {
+                    // The corner belongs to the label of the vertical axis.
+                    for &t in seconds.at.iter().filter(|&&t| x(t) > frame.left + 16.0) {
                         label(x(t), -7.0, -3.0, &format!("{} s", seconds.label(t)), "mid minor");
                     }
                     let y = px(frame.height - 4.0);
