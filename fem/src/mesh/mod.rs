@@ -1,4 +1,18 @@
 //! Meshes: nodes, cells in blocks of one kind, named regions and surfaces.
+//!
+//! [`Mesh::read`] takes Gmsh, Abaqus and VTU files; [`Mesh::check`] refuses what cannot be computed on;
+//! [`generate`] makes blocks, bars, spheres and cylinders; [`format`] holds the file formats and the writers.
+
+mod check;
+mod error;
+pub mod format;
+pub mod generate;
+pub mod quality;
+mod topology;
+
+pub use error::{MeshError, Place};
+pub use format::LengthUnit;
+pub use topology::unique_nodes;
 
 /// Shape of a cell. Node order follows VTK (which FEBio, Abaqus and Gmsh share for these linear cells;
 /// tet10 of Gmsh swaps its last two nodes).
@@ -21,7 +35,7 @@ pub enum CellKind {
 /// Cells of one kind, stored one after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellBlock {
-    /// Name of the region, e.g. `rectus_femoris`.
+    /// Name of the region, e.g. `rectus_femoris`; unique in the mesh.
     pub name: String,
     /// Shape of every cell of the block.
     pub kind: CellKind,
@@ -38,19 +52,7 @@ pub struct Mesh {
     pub blocks: Vec<CellBlock>,
     /// Named sets of nodes, e.g. `proximal_end`; sorted, unique.
     pub node_sets: std::collections::BTreeMap<String, Vec<u32>>,
-    /// Named surfaces as quadrilaterals or triangles (a triangle repeats its last node).
+    /// Named surfaces as quadrilaterals or triangles (a triangle repeats its last node), seen from outside
+    /// counter-clockwise.
     pub surfaces: std::collections::BTreeMap<String, Vec<[u32; 4]>>,
-}
-
-impl CellKind {
-    /// Nodes of a cell of this kind.
-    pub fn n_nodes(self) -> usize {
-        match self {
-            CellKind::Hex8 => 8,
-            CellKind::Tet4 | CellKind::Quad4 => 4,
-            CellKind::Tet10 => 10,
-            CellKind::Tri3 => 3,
-            CellKind::Line2 => 2,
-        }
-    }
 }
