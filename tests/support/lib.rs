@@ -1,12 +1,9 @@
 //! Helpers shared by the tests of the workspace.
 
 pub mod c3d_file;
-<<<<<<< HEAD
 pub mod goldfarb_idnani;
 pub mod sharing_problems;
-=======
 pub mod walking;
->>>>>>> 86cea95 (Trial files: recordings, subject, markers, landmarks and cycle of a trial, with five recorded ones)
 
 use std::path::PathBuf;
 
