@@ -46,7 +46,7 @@ fn curves_pass_through_the_points_of_the_papers() {
         assert_eq!(c.passive(1.0).f, 0.0, "{name}");
         close(&format!("{name}: f_P(1 + e0)"), c.passive(1.6).f, 1.0, 1e-14);
     }
-    // hill.md: 1.794 (computed from the constants).
+    // Follows from the constants of the paper.
     close("De Groote f_V(1)", CURVES[3].1.velocity(1.0, 1.0).f, 1.794, 5e-4);
     // The tendon strains at f_max.
     for (c, E0) in [(CURVES[0].1, 0.033), (CURVES[1].1, 0.04), (CURVES[2].1, 0.033)] {
@@ -581,7 +581,7 @@ fn range(values: &DMatrix<f64>) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v)))
 }
 
-/// hill.md: L between 0.47 and 1.25, |V| below 0.36 (with the 5 Hz filter of the published method; the gastrocnemius
+/// Known of this walk: L between 0.47 and 1.25, |V| below 0.36 (with the 5 Hz filter of the published method; the gastrocnemius
 /// reaches −0.37 at 6 Hz and −0.38 unfiltered). Checked for rigid tendons, where fibres do not depend on the forces,
 /// and for elastic tendons at rest. A tenth of each muscle's strength on elastic tendons only shortens fibres, and
 /// keeps them above 0.4.
