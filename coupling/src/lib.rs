@@ -1,5 +1,8 @@
-//! The command sartorius.
+//! The command `sartorius`: the only crate that knows both the rigid leg and the deformable thigh.
 
+pub mod cli;
+pub mod error;
 pub mod measured;
+pub mod optimize;
 pub mod output;
 pub mod report;

@@ -38,7 +38,7 @@ pub fn walker(knee: Knee) -> (Trial, Anatomy) {
     let tracked: Vec<&TableItem> = items.iter().filter(|i| is_tracked(i)).collect();
     let recorded: HashMap<String, String> =
         tracked.iter().map(|i| (i.item.clone(), i.item.clone())).collect();
-    let anatomy = table::anatomy(&items, &recorded).expect("built-in table");
+    let anatomy = table::anatomy(&items, &recorded, None, Sex::Male).expect("built-in table");
 
     let (mass, stride) = (scalar("body mass"), scalar("stride length"));
     let gait = rows(include_str!("../../gait-data/reference_gait.csv"));

@@ -1,3 +1,5 @@
 //! The command `sartorius`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    coupling::cli::main()
+}

@@ -10,9 +10,10 @@ pub mod table;
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use crate::anatomy::{Cluster, PelvisAxes};
+use crate::anatomy::{Anatomy, Cluster, PelvisAxes};
 use crate::natural::{Pose, SegmentId};
 use crate::trial::{MarkerTrack, Sex};
+use crate::trial_file::{self, HipRule, LandmarkSpec, Landmarks, Roles};
 
 /// Where the hip centre is taken from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +49,9 @@ pub enum CalibrationError {
         /// Segment.
         segment: &'static str,
     },
+    /// The table of landmarks lacks something.
+    #[error("{0}")]
+    Table(String),
     /// Too little motion for a functional calibration.
     #[error(
         "the {joint} turns by only {range_deg:.0} degrees in the calibration files; \
@@ -61,6 +65,60 @@ pub enum CalibrationError {
         /// Range that is needed \[deg\].
         needed_deg: f64,
     },
+}
+
+/// Anatomy from the landmarks that a trial file asks for; with the quality of a functional calibration.
+pub fn calibrate(
+    spec: &LandmarkSpec,
+    sex: Sex,
+) -> Result<(Anatomy, Option<functional::Quality>), CalibrationError> {
+    let rule = match spec.hip_centre {
+        trial_file::HipCentre::By(HipRule::Table) => None,
+        trial_file::HipCentre::By(HipRule::Regression) => Some(HipCentre::Regression),
+        trial_file::HipCentre::By(HipRule::Harrington) => Some(HipCentre::Harrington),
+        trial_file::HipCentre::At(c) => Some(HipCentre::Given(Vector3::from(c))),
+    };
+    // Only a table of landmarks holds a hip centre; trial files of other sources are refused when they ask for it.
+    let without_table = rule.unwrap_or(HipCentre::Harrington);
+    let optional = |tracks: &[MarkerTrack], name: &Option<String>| {
+        name.as_deref().map(|n| path(tracks, n)).unwrap_or_default()
+    };
+    let spines = |roles: &Roles, tracks: &[MarkerTrack]| {
+        Spines::of(tracks, [&roles.right_asis, &roles.left_asis, &roles.right_psis, &roles.left_psis])
+    };
+    match &spec.source {
+        Landmarks::Table { items, recorded } => table::anatomy(items, recorded, rule, sex)
+            .map(|anatomy| (anatomy, None))
+            .map_err(|e| CalibrationError::Table(e.to_string())),
+        Landmarks::Markers { roles, tracks } => {
+            let landmarks = markers::LandmarkPaths {
+                spines: spines(roles, tracks),
+                lateral_epicondyle: optional(tracks, &roles.lateral_epicondyle),
+                medial_epicondyle: optional(tracks, &roles.medial_epicondyle),
+                lateral_malleolus: optional(tracks, &roles.lateral_malleolus),
+                medial_malleolus: optional(tracks, &roles.medial_malleolus),
+                heel: path(tracks, &roles.heel),
+                metatarsal_1: path(tracks, &roles.metatarsal_1),
+                metatarsal_5: path(tracks, &roles.metatarsal_5),
+            };
+            Ok((markers::anatomy(tracks, &landmarks, without_table, sex)?, None))
+        }
+        Landmarks::Functional { roles, motions, .. } => {
+            let recordings: Vec<functional::Recording> = motions
+                .iter()
+                .map(|tracks| functional::Recording {
+                    tracks: tracks.clone(),
+                    spines: spines(roles, tracks),
+                    patella: optional(tracks, &roles.patella),
+                    heel: path(tracks, &roles.heel),
+                    metatarsal_1: path(tracks, &roles.metatarsal_1),
+                    metatarsal_5: path(tracks, &roles.metatarsal_5),
+                })
+                .collect();
+            let (anatomy, quality) = functional::anatomy(&recordings, without_table, sex)?;
+            Ok((anatomy, Some(quality)))
+        }
+    }
 }
 
 /// The four spines of the pelvis.
@@ -78,7 +136,7 @@ pub struct Spines {
 
 impl Spines {
     /// From the paths of four named markers.
-    pub fn of(tracks: &[MarkerTrack], names: [&str; 4]) -> Spines {
+    pub fn of(tracks: &[MarkerTrack], names: [&String; 4]) -> Spines {
         let [asis_right, asis_left, psis_right, psis_left] = names.map(|n| path(tracks, n));
         Spines { asis_right, asis_left, psis_right, psis_left }
     }
@@ -106,16 +164,8 @@ pub(crate) fn pelvis(
     let (R, origin) = clusters::pelvis_axes(&asis.0, &asis.1, &psis.0, &psis.1);
     let width = (asis.0 - asis.1).norm();
     let depth = (0.5 * (psis.0 + psis.1) - origin).norm();
-    let sex = match sex {
-        Sex::Male => "male",
-        Sex::Female => "female",
-    };
-    let lumbar = width * crate::tables::pelvis_centre("lumbar", sex);
-    let hip = match hip {
-        HipCentre::Regression => width * crate::tables::pelvis_centre("hip_right", sex),
-        HipCentre::Harrington => harrington(width, depth),
-        HipCentre::Given(c) => c,
-    };
+    let lumbar = width * crate::tables::pelvis_centre("lumbar", sex_name(sex));
+    let hip = hip_centre(hip, width, depth, sex);
     Ok(PelvisAxes {
         u: R.column(0).into(),
         w: R.column(2).into(),
@@ -126,7 +176,23 @@ pub(crate) fn pelvis(
     })
 }
 
-/// Hip centre from the midpoint of the ASISs in pelvis axes \[m\]; `width` of the ASISs and `depth` between the midpoints of
+/// Hip centre of a rule, from the midpoint of the ASISs in pelvis axes \[m\].
+pub(crate) fn hip_centre(rule: HipCentre, width: f64, depth: f64, sex: Sex) -> Vector3<f64> {
+    match rule {
+        HipCentre::Regression => width * crate::tables::pelvis_centre("hip_right", sex_name(sex)),
+        HipCentre::Harrington => harrington(width, depth),
+        HipCentre::Given(c) => c,
+    }
+}
+
+fn sex_name(sex: Sex) -> &'static str {
+    match sex {
+        Sex::Male => "male",
+        Sex::Female => "female",
+    }
+}
+
+/// Hip centre of Harrington et al. from the midpoint of the ASISs in pelvis axes \[m\]; `width` of the ASISs and `depth` between the midpoints of
 /// ASISs and PSISs \[m\].
 pub fn harrington(width: f64, depth: f64) -> Vector3<f64> {
     Vector3::new(-0.24 * depth - 0.0099, -0.30 * width - 0.0109, 0.33 * width + 0.0073)

@@ -6,8 +6,10 @@ use std::collections::HashMap;
 use nalgebra::Vector3;
 use thiserror::Error;
 
+use super::{HipCentre, hip_centre};
 use crate::anatomy::{Anatomy, Cluster, FootAxes, PelvisAxes, ShankAxes, ThighAxes};
 use crate::natural::SegmentId;
+use crate::trial::Sex;
 
 /// Why a table of landmarks cannot be used.
 #[derive(Debug, Error)]
@@ -107,8 +109,13 @@ pub fn read(text: &str) -> Result<Vec<TableItem>, TableError> {
 /// Makes the anatomy from table items. `recorded`: recorded marker name of each table item that is a tracked marker.
 ///
 /// The shank's forward axis is normal to its long axis and to the knee axis that the shank carries at zero knee flexion
-/// (functional), which the knee model expects.
-pub fn anatomy(items: &[TableItem], recorded: &HashMap<String, String>) -> Result<Anatomy, TableError> {
+/// (functional), which the knee model expects. `hip`: `None` takes the hip centre of the table.
+pub fn anatomy(
+    items: &[TableItem],
+    recorded: &HashMap<String, String>,
+    hip: Option<HipCentre>,
+    sex: Sex,
+) -> Result<Anatomy, TableError> {
     let find = |segment: SegmentId, names: &[&str]| {
         items
             .iter()
@@ -123,6 +130,15 @@ pub fn anatomy(items: &[TableItem], recorded: &HashMap<String, String>) -> Resul
         Cluster { names, points }
     });
     let asis = (find(Pelvis, &["right ASIS"])?, find(Pelvis, &["left ASIS"])?);
+    let origin = 0.5 * (asis.0 + asis.1);
+    let width = (asis.0 - asis.1).norm();
+    let hip = match hip {
+        None => find(Pelvis, &["hip centre"])?,
+        Some(rule) => {
+            let psis = 0.5 * (find(Pelvis, &["right PSIS"])? + find(Pelvis, &["left PSIS"])?);
+            origin + hip_centre(rule, width, (psis - origin).norm(), sex)
+        }
+    };
     let knee_axis =
         (find(Thigh, &["lateral epicondyle"])? - find(Thigh, &["medial epicondyle"])?).normalize();
     let (shank_knee, ankle) = (Vector3::zeros(), find(Shank, &["ankle centre"])?);
@@ -140,9 +156,9 @@ pub fn anatomy(items: &[TableItem], recorded: &HashMap<String, String>) -> Resul
             u: Vector3::x(),
             w: Vector3::z(),
             lumbar: find(Pelvis, &["lumbar joint centre (regression)", "lumbar joint centre"])?,
-            hip: find(Pelvis, &["hip centre"])?,
-            width: (asis.0 - asis.1).norm(),
-            origin: 0.5 * (asis.0 + asis.1),
+            hip,
+            width,
+            origin,
         },
         thigh: ThighAxes { knee: find(Thigh, &["knee centre"])?, w: knee_axis },
         shank: ShankAxes { knee: shank_knee, ankle, u: shank_u, w: malleoli },

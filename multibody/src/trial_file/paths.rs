@@ -6,6 +6,21 @@ use super::TrialFile;
 use crate::error::InputError;
 
 impl TrialFile {
+    /// Every file that the trial is made from, the trial file first.
+    pub fn inputs(&self, data: Option<&Path>) -> Result<Vec<PathBuf>, InputError> {
+        let mut files = vec![self.path.clone(), self.find(&self.motion, data)?];
+        for given in self.force.file.iter().chain(&self.landmarks.static_trial).chain(&self.landmarks.motions)
+        {
+            files.push(self.find(given, data)?);
+        }
+        if let Some(table) = &self.landmarks.table {
+            files.push(self.find_table(table, data)?);
+        }
+        let mut seen = std::collections::HashSet::new();
+        files.retain(|f| seen.insert(f.clone()));
+        Ok(files)
+    }
+
     /// Finds a file named in the trial file. Links that lead out of the folders are refused like `../`.
     pub(super) fn find(&self, given: &Path, data: Option<&Path>) -> Result<PathBuf, InputError> {
         self.find_below(given, &self.folders(data))

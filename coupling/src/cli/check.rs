@@ -1,0 +1,36 @@
+//! `sartorius check FILE...`
+
+use std::path::PathBuf;
+use std::process;
+
+use clap::Args;
+
+use super::Outcome;
+
+#[derive(Args)]
+pub struct CheckArguments {
+    /// Files to check: C3D, TRC, STO, MOT, CSV, trial files (TOML).
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Folder of the recordings that a trial file names.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+/// Prints one paragraph per file; ends the process with exit code 2 when a file is bad.
+pub fn run(arguments: &CheckArguments) -> Outcome {
+    let mut bad = 0;
+    for file in &arguments.files {
+        match multibody::read::check(file, arguments.data.as_deref()) {
+            Ok(summary) => println!("{}: good. {summary}", file.display()),
+            Err(error) => {
+                bad += 1;
+                eprintln!("error: {error}");
+            }
+        }
+    }
+    if bad > 0 {
+        process::exit(2);
+    }
+    Outcome::Solved
+}

@@ -1,0 +1,67 @@
+//! The command line. Exit codes: 0 solved, 2 bad input, 3 not converged or a verdict failed; nothing else.
+
+mod check;
+mod optimize;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::CommandError;
+
+/// How a command ended when it did run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything solved.
+    Solved,
+    /// Results were written, but a verdict failed.
+    NotSolved,
+}
+
+#[derive(Parser)]
+#[command(name = "sartorius", version, about, long_about = None)]
+#[command(about = "Rigid lower limb and deformable thigh: gait steps, muscle forces, contact")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    /// Threads to use (default: all cores). Results do not depend on it.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// From markers and ground reaction to muscle forces, activations and joint contact forces.
+    Optimize(optimize::OptimizeArguments),
+    /// Is this input file good; what is wrong, where, and how to mend it.
+    Check(check::CheckArguments),
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Help and version are no errors; everything else is bad input.
+            let code = if error.use_stderr() { 2 } else { 0 };
+            let _ = error.print();
+            return ExitCode::from(code);
+        }
+    };
+    if let Some(threads) = arguments.threads {
+        // Fails only where a pool exists already, which nothing before this line makes.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+    }
+    let result: Result<Outcome, CommandError> = match arguments.command {
+        Command::Optimize(arguments) => optimize::run(&arguments),
+        Command::Check(arguments) => Ok(check::run(&arguments)),
+    };
+    match result {
+        Ok(Outcome::Solved) => ExitCode::SUCCESS,
+        Ok(Outcome::NotSolved) => ExitCode::from(3),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Why a command could not run: always the input or the place for the output, never a verdict.
+
+use multibody::InputError;
+use multibody::calibration::CalibrationError;
+use multibody::model::ModelError;
+use multibody::muscle::hill::HillError;
+use multibody::sharing::SharingError;
+use thiserror::Error;
+
+use crate::measured::MeasuredError;
+use crate::output::OutputError;
+
+/// What stops a command with exit code 2.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CommandError {
+    /// A file cannot be used.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// Landmarks cannot be had.
+    #[error("landmarks of `{trial}`: {source}")]
+    Calibration {
+        /// Trial.
+        trial: String,
+        /// Why.
+        source: CalibrationError,
+    },
+    /// The leg cannot be built.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The force-sharing problem is malformed.
+    #[error("force sharing: {0}")]
+    Sharing(#[from] SharingError),
+    /// Activations cannot be computed.
+    #[error("activations: {0}")]
+    Hill(#[from] HillError),
+    /// The measured forces do not fit the trial.
+    #[error(transparent)]
+    Measured(#[from] MeasuredError),
+    /// Results cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// An option contradicts the trial.
+    #[error("{0}")]
+    Option(String),
+}

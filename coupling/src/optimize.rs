@@ -1,0 +1,187 @@
+//! `sartorius optimize`: the rigid side alone, from markers to activations.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use multibody::activation::activate;
+use multibody::anatomy::Anatomy;
+use multibody::calibration::{calibrate, functional::Quality};
+use multibody::model::{Ankle, Model};
+use multibody::motion::track;
+use multibody::muscle::hill::{self, HillResult};
+use multibody::read::read_knee_forces;
+use multibody::share::{SharingSettings, loads, share};
+use multibody::sharing::Capacity;
+use multibody::trial::{Effort, Filters, Loads, Motion, Trial};
+use multibody::trial_file::{self, HipRule, TrialFile};
+use multibody::walker::{Knee, walker};
+
+use crate::error::CommandError;
+use crate::measured::Overlay;
+
+/// What to optimize and how.
+#[derive(Clone, Debug, Default)]
+pub struct OptimizeOptions {
+    /// Trial file; `None` is the built-in walker.
+    pub trial: Option<PathBuf>,
+    /// Folder of the recordings.
+    pub data: Option<PathBuf>,
+    /// Ankle in place of the trial's.
+    pub ankle: Option<Ankle>,
+    /// Rule for the hip centre in place of the trial's.
+    pub hip_centre: Option<HipRule>,
+    /// Force sharing.
+    pub sharing: SharingSettings,
+    /// Activations.
+    pub hill: hill::Settings,
+    /// Measured knee forces.
+    pub measured: Option<PathBuf>,
+}
+
+/// A trial with its anatomy and choices, before anything is computed.
+pub struct Case {
+    /// The trial.
+    pub trial: Trial,
+    /// Where its landmarks sit.
+    pub anatomy: Anatomy,
+    /// Which ankle.
+    pub ankle: Ankle,
+    /// Filters.
+    pub filters: Filters,
+    /// Files that were read.
+    pub inputs: Vec<PathBuf>,
+    /// Where landmarks and hip centre come from, for the report.
+    pub landmarks: String,
+    /// Rule of the hip centre, for the report.
+    pub hip_centre: String,
+    /// Quality of a functional calibration.
+    pub quality: Option<Quality>,
+}
+
+/// Everything that was computed.
+pub struct Optimized {
+    /// The case.
+    pub case: Case,
+    /// The leg.
+    pub model: Model,
+    /// Posture.
+    pub motion: Motion,
+    /// Loads.
+    pub loads: Loads,
+    /// Forces and activations.
+    pub effort: Effort,
+    /// What the Hill model says beside the activations.
+    pub hill: HillResult,
+    /// Comparison with measured knee forces.
+    pub measured: Option<Overlay>,
+    /// Stage and its wall time.
+    pub stages: Vec<(&'static str, Duration)>,
+}
+
+impl Case {
+    /// Reads the trial and its landmarks.
+    pub fn load(options: &OptimizeOptions) -> Result<Case, CommandError> {
+        let Some(path) = &options.trial else {
+            if options.hip_centre.is_some_and(|h| h != HipRule::Table) {
+                let text = "--hip-centre needs a trial: the built-in walker was made with the hip centre of its table";
+                return Err(CommandError::Option(text.into()));
+            }
+            let (trial, anatomy) = walker(Knee::Hinge);
+            return Ok(Case {
+                trial,
+                anatomy,
+                ankle: options.ankle.unwrap_or_default(),
+                // The averaged ground reaction is smooth already.
+                filters: Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 },
+                inputs: Vec::new(),
+                landmarks: "table (built in)".into(),
+                hip_centre: "table".into(),
+                quality: None,
+            });
+        };
+        let file = TrialFile::read(path)?;
+        let trial = file.load(options.data.as_deref())?;
+        let mut spec = file.landmarks(options.data.as_deref())?;
+        if let Some(rule) = options.hip_centre {
+            let is_table = matches!(spec.source, trial_file::Landmarks::Table { .. });
+            if rule == HipRule::Table && !is_table {
+                let text = format!(
+                    "--hip-centre table: `{}` takes its landmarks from markers, not from a table; choose harrington or regression",
+                    trial.name
+                );
+                return Err(CommandError::Option(text));
+            }
+            spec.hip_centre = trial_file::HipCentre::By(rule);
+        }
+        let (anatomy, quality) = calibrate(&spec, trial.subject.sex)
+            .map_err(|source| CommandError::Calibration { trial: trial.name.clone(), source })?;
+        let ankle = match file.model.ankle {
+            trial_file::Ankle::Universal => Ankle::Universal,
+            trial_file::Ankle::Parallel => Ankle::Parallel,
+        };
+        Ok(Case {
+            ankle: options.ankle.unwrap_or(ankle),
+            filters: Filters {
+                motion_hz: file.filter.motion_hz,
+                force_hz: Some(file.filter.force_hz),
+                contact_threshold: file.filter.contact_threshold,
+            },
+            inputs: file.inputs(options.data.as_deref())?,
+            landmarks: source_name(&spec.source).into(),
+            hip_centre: hip_name(&spec.hip_centre),
+            quality,
+            trial,
+            anatomy,
+        })
+    }
+}
+
+/// Runs the whole rigid side.
+pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, CommandError> {
+    let mut stages = Vec::new();
+    let mut clock = Instant::now();
+    let mut lap = |name: &'static str| {
+        stages.push((name, clock.elapsed()));
+        clock = Instant::now();
+    };
+    let case = Case::load(options)?;
+    let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
+    lap("read");
+    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
+    lap("model");
+    let motion = track(&model, &case.trial, &case.filters);
+    lap("marker fit");
+    let loads = loads(&model, &motion, &case.trial, &case.filters);
+    lap("loads");
+    let capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+    let mut effort = share(&model, &motion, &loads, &capacity, &options.sharing)?;
+    lap("sharing");
+    let hill = activate(&model, &motion, &mut effort, &options.hill)?;
+    lap("activations");
+    let measured = match measured {
+        Some(forces) => Some(Overlay::new(&forces, &effort, case.trial.subject.mass)?),
+        None => None,
+    };
+    Ok(Optimized { case, model, motion, loads, effort, hill, measured, stages })
+}
+
+fn source_name(source: &trial_file::Landmarks) -> &'static str {
+    match source {
+        trial_file::Landmarks::Table { .. } => "table",
+        trial_file::Landmarks::Markers { .. } => "landmark markers",
+        trial_file::Landmarks::Functional { .. } => "functional calibration of knee and ankle axes",
+    }
+}
+
+fn hip_name(centre: &trial_file::HipCentre) -> String {
+    match centre {
+        trial_file::HipCentre::By(HipRule::Table) => "table".into(),
+        trial_file::HipCentre::By(HipRule::Regression) => {
+            "regression on pelvis width (Dumas & Wojtusch 2018)".into()
+        }
+        trial_file::HipCentre::By(HipRule::Harrington) => "Harrington et al. 2007".into(),
+        trial_file::HipCentre::At([x, y, z]) => {
+            format!("given: {x}, {y}, {z} m from the midpoint of the ASISs")
+        }
+    }
+}
