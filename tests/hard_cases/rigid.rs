@@ -5,11 +5,28 @@
 use multibody::muscle::MuscleTendon;
 use multibody::muscle::curves::{Curves, DeGroote2016, Thelen2003};
 use multibody::muscle::hill::{EquilibriumError, activation, equilibrium, tendon_force};
+use support::sharing_cases;
 
 use crate::{Case, Outcome, Tier};
 
-pub const CASES: &[Case] =
-    &[Case { id: "H1", title: "Hill extremes", tier: Tier::Quick, run: hill_extremes }];
+pub const CASES: &[Case] = &[
+    Case { id: "Q1", title: "infeasible load", tier: Tier::Quick, run: sharing_cases::infeasible_load },
+    Case { id: "Q2", title: "redundant copies", tier: Tier::Full, run: sharing_cases::redundant_copies },
+    Case {
+        id: "Q3",
+        title: "rank-deficient lever arms",
+        tier: Tier::Full,
+        run: sharing_cases::rank_deficient,
+    },
+    Case { id: "Q4", title: "scaling", tier: Tier::Full, run: sharing_cases::scaling },
+    Case {
+        id: "Q5",
+        title: "random problems",
+        tier: Tier::Full,
+        run: || sharing_cases::random_problems(10_000),
+    },
+    Case { id: "H1", title: "Hill extremes", tier: Tier::Quick, run: hill_extremes },
+];
 
 const CURVES: [Curves; 5] = [
     Curves::Thelen(Thelen2003::GAIT2392),

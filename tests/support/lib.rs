@@ -2,6 +2,7 @@
 
 pub mod c3d_file;
 pub mod goldfarb_idnani;
+pub mod sharing_cases;
 pub mod sharing_problems;
 pub mod walking;
 

@@ -5,34 +5,23 @@
 use multibody::sharing::{Names, SharingProblem};
 use nalgebra::{DMatrix, DVector};
 
+use crate::Random;
 use crate::goldfarb_idnani::{Constraint, minimise};
 
-/// Reproducible random numbers (splitmix64).
-pub struct Random(pub u64);
-
 impl Random {
-    /// Uniform in 0..1.
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
     /// Uniform in low..high.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
+        low + (high - low) * 0.5 * (self.uniform() + 1.0)
     }
 
     /// An integer in low..=high.
     pub fn integer(&mut self, low: usize, high: usize) -> usize {
-        low + (self.unit() * (high - low + 1) as f64) as usize
+        low + (self.bits() % (high - low + 1) as u64) as usize
     }
 
     /// True with probability p.
     pub fn chance(&mut self, p: f64) -> bool {
-        self.unit() < p
+        self.between(0.0, 1.0) < p
     }
 }
 
@@ -60,7 +49,7 @@ pub fn random_problem(random: &mut Random) -> SharingProblem {
         R[(k, random.integer(0, nm - 1))] = random.between(0.01, 0.08);
     }
     let X = DMatrix::from_fn(nx, nm, |_, _| if random.chance(0.3) { 0.0 } else { random.between(-1.5, 1.5) });
-    let bounded = random.unit();
+    let bounded = random.between(0.0, 1.0);
     let upper_f = DVector::from_fn(nm, |_, _| {
         if random.chance(bounded) { random.between(100.0, 2000.0) } else { f64::INFINITY }
     });

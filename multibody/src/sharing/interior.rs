@@ -67,7 +67,10 @@ impl InteriorPoint {
             if n_inequalities > 0 {
                 cones.push(SupportedConeT::NonnegativeConeT(n_inequalities));
             }
-            match DefaultSolver::new(&P, &q, &A, &b, &cones, settings()) {
+            // Enough to tell which bounds hold; the numbers come from the active set.
+            let settings =
+                DefaultSettings { tol_gap_abs: 1e-6, tol_gap_rel: 1e-6, tol_feas: 1e-6, ..settings() };
+            match DefaultSolver::new(&P, &q, &A, &b, &cones, settings) {
                 Ok(solver) => {
                     if self.kept.len() == MAX_KEPT {
                         self.kept.remove(0);

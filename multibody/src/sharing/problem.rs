@@ -144,13 +144,15 @@ impl SharingProblem {
         let finite: fn(f64) -> bool = f64::is_finite;
         check("tau", &self.tau, &names.coordinates, "a finite moment", finite)?;
         check("x0", &self.x0, &names.reactions, "a finite force", finite)?;
-        for column in 0..nm {
-            let name = &names.muscles[column..=column];
-            for value in self.R.column(column).iter() {
-                check("R", &DVector::from_element(1, *value), name, "a finite lever arm", finite)?;
-            }
-            for value in self.X.column(column).iter() {
-                check("X", &DVector::from_element(1, *value), name, "a finite gain", finite)?;
+        for (what, matrix) in [("R", &self.R), ("X", &self.X)] {
+            if let Some(bad) = matrix.iter().position(|value| !value.is_finite()) {
+                let name = names.muscles[bad / matrix.nrows()].clone();
+                return Err(SharingError::Value {
+                    what,
+                    name,
+                    value: matrix[bad],
+                    expected: "a finite number",
+                });
             }
         }
         check("lower_f", &self.lower_f, &names.muscles, "a finite force", finite)?;

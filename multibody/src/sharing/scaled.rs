@@ -49,7 +49,7 @@ impl Canonical {
             for (mut row, w) in WX.row_iter_mut().zip(&problem.w_x) {
                 row *= *w;
             }
-            H.gemm_tr(1.0, &problem.X, &WX, 1.0);
+            H.gemm(1.0, &problem.X.transpose(), &WX, 1.0);
             q.gemv_tr(1.0, &WX, &problem.x0, 0.0);
         }
         let d = H.diagonal().map(|h| 1.0 / h.sqrt());

@@ -89,7 +89,7 @@ pub(super) struct NoPoint {
 /// Margin from which the active bounds are beyond doubt (scaled units).
 const CLEAR: f64 = 1e-8;
 /// Linear systems spent on the guess from the previous frame before Clarabel is asked.
-const WARM_STEPS: u32 = 10;
+const WARM_STEPS: u32 = 40;
 /// Linear systems spent on the bounds that Clarabel found.
 const EXACT_STEPS: u32 = 200;
 
@@ -276,7 +276,7 @@ impl Point {
 }
 
 /// Frames that share one kept solver; fixed, so that iteration counts do not depend on threads either.
-const CHUNK: usize = 16;
+const CHUNK: usize = 32;
 
 /// Solves frames 0..n_frames in parallel; `problem` builds a frame. The same bits on any number of threads.
 pub fn share_frames<E: From<SharingError> + Send>(
