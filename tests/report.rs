@@ -209,11 +209,10 @@ impl Walk {
                 generalised: vec![SVector::zeros(); FRAMES],
                 reduced: vec![None; FRAMES],
                 moments: table(&MOMENTS, FRAMES, moments, 0),
-                centre_of_pressure: ground_force
-                    .iter()
-                    .map(|f| Vector3::new(0.1, 0.0, 0.05) * f.y.signum())
+                centre_of_pressure: (0..FRAMES)
+                    .map(|i| Vector3::new(0.002 * i as f64, 0.0, 0.05) * ground_force[i].y.signum())
                     .collect(),
-                free_moment: vec![Vector3::zeros(); FRAMES],
+                free_moment: ground_force.iter().map(|f| Vector3::new(0.0, 0.005 * f.y, 0.0)).collect(),
                 ground_force,
             },
             effort: Effort {
@@ -586,6 +585,11 @@ fn the_page_is_whole_and_draws_every_muscle() {
     assert!(page.contains("% of gait cycle"));
     // Strengths on the scale of their figure (those of at most twice the peak), and the tolerance of the residuals.
     assert_eq!(classed(&tags, "bound").count(), MUSCLES.iter().filter(|m| m.4 >= 0.5).count() + 1);
+    // While the foot swings there is no centre of pressure; the made-up one moves 2 mm per frame.
+    let travel = classed(&tags, "line").find(|a| a.get("data-name").is_some_and(|n| n == "forward")).unwrap();
+    let stance = walk.loads.ground_force.iter().filter(|f| f.y > 20.0).count();
+    assert!((50..FRAMES).contains(&stance));
+    assert_eq!(travel["d"].matches(['M', 'L']).count(), stance);
     let mut no_cycle = walk.report();
     no_cycle.cycle = None;
     let page = optimize_page(&no_cycle);
