@@ -64,15 +64,17 @@ impl LinearSolver {
         self.usable = false;
     }
 
-    /// Solves K x = b to ‖b − K x‖ ≤ `tolerance` ‖b‖; `x` starts from zero.
+    /// Solves K x = b to ‖b − K x‖ ≤ `tolerance` ‖b‖; `x` starts from zero. The kept factor is tried first.
     ///
-    /// The error says that K is not positive definite. `usable` factors of earlier matrices are tried first.
+    /// The error says that K is not positive definite. `definite`: the caller knows that it is, so that a factorization of
+    /// single precision that fails is blamed on round-off and repeated in double.
     pub fn solve(
         &mut self,
         k: &BlockMatrix,
         b: &[f64],
         x: &mut [f64],
         tolerance: f64,
+        definite: bool,
     ) -> (LinearReport, Result<(), Indefinite>) {
         let mut report = LinearReport::default();
         x.fill(0.0);
@@ -87,7 +89,7 @@ impl LinearSolver {
             }
         }
         loop {
-            if let Err(indefinite) = self.factorize(k, &mut report) {
+            if let Err(indefinite) = self.factorize(k, definite, &mut report) {
                 return (report, Err(indefinite));
             }
             let outcome = self.iterate(k, b, x, tolerance, FRESH_LIMIT, &mut report);
@@ -101,9 +103,9 @@ impl LinearSolver {
         }
     }
 
-    /// Factorizes `k` now, whatever is kept.
+    /// Factorizes `k` now, whatever is kept; a failure in single precision is checked in double.
     pub fn refactorize(&mut self, k: &BlockMatrix) -> Result<(), Indefinite> {
-        self.factorize(k, &mut LinearReport::default())
+        self.factorize(k, true, &mut LinearReport::default())
     }
 
     /// x = (L Lᵀ)⁻¹ b with the kept factor, as it is.
@@ -112,7 +114,12 @@ impl LinearSolver {
     }
 
     /// Factorizes K, in single precision where that works.
-    fn factorize(&mut self, k: &BlockMatrix, report: &mut LinearReport) -> Result<(), Indefinite> {
+    fn factorize(
+        &mut self,
+        k: &BlockMatrix,
+        definite: bool,
+        report: &mut LinearReport,
+    ) -> Result<(), Indefinite> {
         self.usable = false;
         let start = std::time::Instant::now();
         let mut done = Err(Indefinite { unknown: 0 });
@@ -121,8 +128,7 @@ impl LinearSolver {
             done = single.factorize(k);
             report.factorizations += 1;
         }
-        if done.is_err() {
-            // Round-off of single precision, or the matrix itself: double precision tells.
+        if done.is_err() && (definite || self.needs_double) {
             let double = self.double.get_or_insert_with(|| Cholesky::new(self.analysis.clone()));
             done = double.factorize(k);
             report.factorizations += 1;

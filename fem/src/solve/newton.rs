@@ -478,6 +478,9 @@ impl Run<'_> {
             self.report.assembly_s += assembly.elapsed().as_secs_f64();
             self.report.iterations += 1;
             self.projected = self.projected.saturating_sub(1);
+            if length == 1.0 && norm(&g) < 0.5 * residual {
+                (self.projected, self.patience) = (0, 1); // close: the true Hessian is worth a try
+            }
             let taken = Taken { step_length: length, linear: report, projected };
             self.record(potential, x, load, iteration, &g, &taken, start);
         }
@@ -513,7 +516,7 @@ impl Run<'_> {
             }
             self.report.assembly_s += start.elapsed().as_secs_f64();
             let start = Instant::now();
-            let (report, outcome) = linear.solve(k, &rhs, dx, tolerance);
+            let (report, outcome) = linear.solve(k, &rhs, dx, tolerance, projected);
             self.report.linear_s += start.elapsed().as_secs_f64() - report.factorization_s;
             self.report.factorization_s += report.factorization_s;
             self.report.factorizations += report.factorizations;
