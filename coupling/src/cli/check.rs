@@ -1,5 +1,6 @@
 //! `sartorius check FILE...`
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process;
 
@@ -22,7 +23,9 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
     let mut bad = 0;
     for file in &arguments.files {
         match multibody::read::check(file, arguments.data.as_deref()) {
-            Ok(summary) => println!("{}: good. {summary}", file.display()),
+            Ok(summary) => {
+                let _ = writeln!(std::io::stdout(), "{}: good. {summary}", file.display());
+            }
             Err(error) => {
                 bad += 1;
                 eprintln!("error: {error}");

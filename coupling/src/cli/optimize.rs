@@ -1,5 +1,6 @@
 //! `sartorius optimize [TRIAL]`: arguments, output folder, words on the terminal.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -248,10 +249,12 @@ pub fn run(arguments: &OptimizeArguments) -> Result<Outcome, CommandError> {
     let outcome = if summary.all_solved() { Outcome::Solved } else { Outcome::NotSolved };
     let record = record(arguments, &done, &settings, &summary)?;
     let files = write_optimize(&folder, &report, record)?;
+    let mut out = std::io::stdout().lock();
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&summary).expect("a summary is plain data"));
+        let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data");
+        let _ = writeln!(out, "{json}");
     } else {
-        print(&done, &summary, &folder, files.len());
+        let _ = print(&mut out, &done, &summary, &folder, files.len());
     }
     Ok(outcome)
 }
@@ -329,9 +332,17 @@ fn notes(done: &Optimized) -> Vec<String> {
     notes
 }
 
-fn print(done: &Optimized, summary: &Summary, folder: &Path, n_files: usize) {
+/// The summary in words. A reader that closes the pipe early is no error.
+fn print(
+    out: &mut impl Write,
+    done: &Optimized,
+    summary: &Summary,
+    folder: &Path,
+    n_files: usize,
+) -> std::io::Result<()> {
     let subject = &done.case.trial.subject;
-    println!(
+    writeln!(
+        out,
         "{}: {} of {} frames solved ({:.1} kg, {:.2} m, {} ankle)",
         done.case.trial.name,
         summary.solved,
@@ -342,48 +353,57 @@ fn print(done: &Optimized, summary: &Summary, folder: &Path, n_files: usize) {
             Ankle::Universal => "universal",
             Ankle::Parallel => "parallel",
         }
-    );
+    )?;
     let show = |value: Option<f64>, unit: &str, digits: usize| {
         value.map_or("-".to_string(), |v| format!("{v:.digits$} {unit}"))
     };
-    println!("  marker residual        {} RMS", show(summary.marker_rms_mm, "mm", 2));
-    println!(
+    writeln!(out, "  marker residual        {} RMS", show(summary.marker_rms_mm, "mm", 2))?;
+    writeln!(
+        out,
         "  peak knee force        {} = {} at {}",
         show(summary.peak_knee_force_N, "N", 0),
         show(summary.peak_knee_force_bw, "body weights", 2),
         show(summary.peak_knee_force_time_s, "s", 3)
-    );
-    println!(
+    )?;
+    writeln!(
+        out,
         "  largest force/strength {} ({})",
         show(summary.largest_load, "", 2).trim_end(),
         summary.largest_load_muscle.as_deref().unwrap_or("-")
-    );
-    println!(
+    )?;
+    writeln!(
+        out,
         "  largest KKT residual   {} (tolerance {KKT_TOLERANCE:.0e})",
         summary.largest_kkt_residual.map_or("-".into(), |v| format!("{v:.1e}"))
-    );
-    println!(
+    )?;
+    writeln!(
+        out,
         "  activations clipped    {}",
         show(summary.clipped_share.map(|s| 100.0 * s), "% of samples", 1)
-    );
+    )?;
     if let Some(curves) = &summary.measured {
-        println!("  against measured knee force:");
+        writeln!(out, "  against measured knee force:")?;
         for (name, a) in curves {
-            println!(
+            writeln!(
+                out,
                 "    {name:<8} RMSE {:.0} N = {:.2} BW, R² {}, peak error {:+.0} N = {:+.2} BW",
                 a.rmse_N,
                 a.rmse_bw,
                 a.r2.map_or("-".into(), |r| format!("{r:.2}")),
                 a.peak_error_N,
                 a.peak_error_bw
-            );
+            )?;
         }
     }
     for (k, verdict) in done.effort.verdicts.iter().enumerate() {
         if let Some(reason) = &verdict.reason {
-            println!("  frame {k} at {:.3} s: {reason}", done.effort.time[k]);
+            writeln!(out, "  frame {k} at {:.3} s: {reason}", done.effort.time[k])?;
         }
     }
     let seconds: f64 = done.stages.iter().map(|s| s.1.as_secs_f64()).sum();
-    println!("  computed in {seconds:.3} s; {n_files} files in {}, open report.html there", folder.display());
+    writeln!(
+        out,
+        "  computed in {seconds:.3} s; {n_files} files in {}, open report.html there",
+        folder.display()
+    )
 }
