@@ -84,16 +84,6 @@ impl<const M: usize> Lines<M> {
         }
         (d, (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt())
     }
-
-    /// Stretch and axial force \[N\] of each segment.
-    pub fn stretch_and_force(&self, s: &State) -> Vec<(f64, f64)> {
-        let a = self.activation(s);
-        let one = |e: usize| {
-            let lambda = self.span(e, s.x).1 / self.lengths[e];
-            (lambda, self.laws[e].response(lambda, a).force)
-        };
-        (0..self.laws.len()).map(one).collect()
-    }
 }
 
 /// Below this share of its reference length a segment has no direction: it carries no force.
@@ -131,6 +121,11 @@ impl<const M: usize> Effect for Lines<M> {
             })
             .collect();
         energies.iter().sum()
+    }
+
+    fn line_state(&self, s: &State, group: usize) -> Option<(f64, f64)> {
+        let lambda = self.span(group, s.x).1 / self.lengths[group];
+        Some((lambda, self.laws[group].response(lambda.max(COLLAPSED), self.activation(s)).force))
     }
 
     fn forces(&self, s: &State, first: usize, out: &mut [f64]) {

@@ -6,10 +6,14 @@
 
 pub mod line;
 pub mod load;
+pub mod membrane;
+pub mod pressure;
 pub mod solid;
 
 pub use line::Lines;
 pub use load::DeadLoad;
+pub use membrane::Membrane;
+pub use pressure::Pressure;
 pub use solid::Solid;
 
 /// Where the nodes are and what drives the effects now.
@@ -49,6 +53,17 @@ pub enum Part {
     Load,
 }
 
+/// Mean state of a solid element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolidState {
+    /// Volume in the reference configuration \[m³\].
+    pub volume: f64,
+    /// Current over reference volume.
+    pub volume_ratio: f64,
+    /// Cauchy stress, mean over the current volume \[Pa\].
+    pub cauchy: nalgebra::Matrix3<f64>,
+}
+
 /// One additive part of the potential: Π(x) is a sum over *groups* of equally many nodes (the elements, say).
 pub trait Effect: Send + Sync {
     /// Name as in the scene.
@@ -71,6 +86,14 @@ pub trait Effect: Send + Sync {
     /// Whether the Hessian vanishes for good (dead loads), so that it need not be assembled.
     fn is_linear(&self) -> bool {
         false
+    }
+    /// Mean state of a solid element; `None` for anything else.
+    fn solid_state(&self, _s: &State, _group: usize) -> Option<SolidState> {
+        None
+    }
+    /// Stretch and axial force \[N\] of a segment; `None` for anything else.
+    fn line_state(&self, _s: &State, _group: usize) -> Option<(f64, f64)> {
+        None
     }
     /// Least det F over the quadrature points and the group where it is; `None` where the effect has no volume.
     fn least_det_f(&self, _s: &State) -> Option<(f64, usize)> {

@@ -1,6 +1,6 @@
 //! Solid elements of one region and one law.
 
-use super::{Effect, Part, State, mean, point};
+use super::{Effect, Part, SolidState, State, mean, point};
 use crate::element::{Formulation, Rule, SolidElement};
 use crate::material::Material;
 use rayon::prelude::*;
@@ -107,6 +107,13 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
             let law = self.field.law(c, s);
             self.elements[c].hessian(self.formulation, &law, &self.positions(c, s), projected, out);
         }
+    }
+
+    fn solid_state(&self, s: &State, group: usize) -> Option<SolidState> {
+        let element = &self.elements[group];
+        let x = self.positions(group, s);
+        let cauchy = element.mean_cauchy(self.formulation, &self.field.law(group, s), &x);
+        Some(SolidState { volume: element.volume, volume_ratio: element.dilatation(&x), cauchy })
     }
 
     fn least_det_f(&self, s: &State) -> Option<(f64, usize)> {

@@ -115,6 +115,31 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
         f
     }
 
+    /// Cauchy stress \[Pa\], mean over the current volume.
+    pub fn mean_cauchy<L: Material>(&self, formulation: Formulation, law: &L, x: &[[f64; 3]; N]) -> Matrix3 {
+        let theta = self.dilatation(x);
+        let F: [Matrix3; G] = std::array::from_fn(|g| self.deformation_gradient(g, x));
+        let mut sum = Matrix3::zeros();
+        match formulation {
+            Formulation::Plain => {
+                for g in 0..G {
+                    sum += law.stress(&F[g]) * F[g].transpose() * self.w[g];
+                }
+            }
+            Formulation::MeanDilatation => {
+                // p̄ cof F Fᵀ = p̄ J I.
+                let mut p = 0.0;
+                for g in 0..G {
+                    let (P, p_g) = law.mixed_stress(&F[g], theta);
+                    sum += P * F[g].transpose() * self.w[g];
+                    p += p_g * self.w[g];
+                }
+                sum += Matrix3::identity() * (p * theta);
+            }
+        }
+        sum / (theta * self.volume)
+    }
+
     /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\]; `projected` makes it positive semidefinite, point by
     /// point.
     #[inline(always)]

@@ -1,0 +1,402 @@
+//! An island: nodes that nothing connects to the rest, the effects on them, and what is prescribed.
+//!
+//! Prescribed nodes are eliminated: they keep their place in the island but are no unknowns. Components that follow a
+//! master node (a rigid plane) are eliminated too, by moving their rows and columns onto the master's.
+
+use crate::body::{Pose, interpolate};
+use crate::effect::{Effect, NO_NODE, Part, State};
+use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// What one component of a node does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// It is an unknown.
+    Free,
+    /// It stays where it is in the mesh.
+    Held,
+    /// It is displaced by the value of a control times a length \[m\].
+    Control(usize, f64),
+    /// It moves with a body.
+    Body(usize),
+    /// Its displacement is that of the same component of a node.
+    Follows(u32),
+}
+
+/// Values of the controls and poses of the bodies at one time, in the order of the plan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Controls.
+    pub controls: Vec<f64>,
+    /// Poses.
+    pub poses: Vec<Pose>,
+}
+
+impl Load {
+    /// The load a share `t` of the way to `end`; bodies turn about `pivots` \[m\] of the mesh.
+    pub fn towards(&self, end: &Load, pivots: &[[f64; 3]], t: f64) -> Load {
+        let mix = |(a, b): (&f64, &f64)| if t == 1.0 { *b } else { a + t * (b - a) };
+        Load {
+            controls: self.controls.iter().zip(&end.controls).map(mix).collect(),
+            poses: (0..self.poses.len())
+                .map(|i| match t {
+                    1.0 => end.poses[i],
+                    _ => interpolate(&self.poses[i], &end.poses[i], pivots[i].into(), t),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// A group with followers: its nodes with their masters, and which rows move onto which.
+struct TiedGroup {
+    effect: usize,
+    group: usize,
+    /// Local nodes, those of the group first.
+    nodes: Vec<u32>,
+    /// (row of the follower, row of its master), 3 per node.
+    moves: Vec<(usize, usize)>,
+}
+
+/// The fixed part of an island, shared by all states of it.
+pub struct Island {
+    /// Name of its first region.
+    pub name: String,
+    /// Index in the mesh of each local node.
+    pub nodes: Vec<u32>,
+    /// Reference positions \[m\], 3 per local node.
+    pub X: Vec<f64>,
+    /// Effects over local nodes.
+    pub effects: Vec<Box<dyn Effect>>,
+    /// Index in the mesh (or in its list in the scene) of each group of each effect.
+    pub cells: Vec<Vec<u32>>,
+    /// What each component of each local node does; followers name local nodes.
+    pub motion: Vec<[Motion; 3]>,
+    /// Centre of the nodes tied to each body of the plan \[m\].
+    pivots: Arc<Vec<[f64; 3]>>,
+    /// Local node of each free node.
+    free_nodes: Vec<u32>,
+    fixed: Vec<bool>,
+    pattern: Arc<Pattern>,
+    slots: Vec<Slots>,
+    tied: Vec<TiedGroup>,
+}
+
+impl Island {
+    /// Puts an island together; finds the pattern of its stiffness.
+    pub fn new(
+        name: String,
+        nodes: Vec<u32>,
+        X: Vec<f64>,
+        effects: Vec<Box<dyn Effect>>,
+        cells: Vec<Vec<u32>>,
+        motion: Vec<[Motion; 3]>,
+        pivots: Arc<Vec<[f64; 3]>>,
+    ) -> Island {
+        let unknown = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
+        let mut free = vec![PRESCRIBED; nodes.len()];
+        let mut free_nodes = Vec::new();
+        let mut fixed = Vec::new();
+        for (n, m) in motion.iter().enumerate() {
+            if m.iter().any(unknown) {
+                free[n] = free_nodes.len() as u32;
+                free_nodes.push(n as u32);
+                fixed.extend(m.map(|m| m != Motion::Free));
+            }
+        }
+        let follower =
+            |n: u32| n != NO_NODE && motion[n as usize].iter().any(|m| matches!(m, Motion::Follows(_)));
+        let free_of = |n: u32| if n == NO_NODE { PRESCRIBED } else { free[n as usize] };
+        let mut tied = Vec::new();
+        let mut places: Vec<Vec<u32>> = Vec::new();
+        for (e, effect) in effects.iter().enumerate() {
+            let m = effect.nodes_per_group();
+            let mut place = Vec::with_capacity(effect.nodes().len());
+            for (g, group) in effect.nodes().chunks_exact(m).enumerate() {
+                if group.iter().any(|&n| follower(n)) {
+                    tied.push(tied_group(e, g, group, &motion));
+                    place.extend(std::iter::repeat_n(PRESCRIBED, m));
+                } else {
+                    place.extend(group.iter().map(|&n| free_of(n)));
+                }
+            }
+            places.push(place);
+        }
+        let tied_places: Vec<Vec<u32>> =
+            tied.iter().map(|t| t.nodes.iter().map(|&n| free_of(n)).collect()).collect();
+        let coupled: Vec<&[u32]> = effects
+            .iter()
+            .zip(&places)
+            .filter(|(effect, _)| !effect.is_linear())
+            .flat_map(|(effect, place)| place.chunks_exact(effect.nodes_per_group()))
+            .chain(tied_places.iter().map(Vec::as_slice))
+            .collect();
+        let pattern = Arc::new(Pattern::new(free_nodes.len(), coupled.iter().copied()));
+        let slots = effects.iter().zip(&places).map(|(e, p)| pattern.slots(e.nodes_per_group(), p)).collect();
+        Island { name, nodes, X, effects, cells, motion, pivots, free_nodes, fixed, pattern, slots, tied }
+    }
+
+    /// Number of unknowns that are not prescribed.
+    pub fn n_unknowns(&self) -> usize {
+        self.fixed.iter().filter(|f| !**f).count()
+    }
+
+    /// Positions \[m\] of the free nodes out of those of all local nodes.
+    pub fn free_positions(&self, x: &[f64]) -> Vec<f64> {
+        self.free_nodes.iter().flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
+    }
+
+    /// Sets the prescribed components of all local nodes in `x` \[m\].
+    pub fn prescribe(&self, load: &Load, x: &mut [f64]) {
+        for (n, motion) in self.motion.iter().enumerate() {
+            for c in 0..3 {
+                let i = 3 * n + c;
+                match motion[c] {
+                    Motion::Free | Motion::Follows(_) => {}
+                    Motion::Held => x[i] = self.X[i],
+                    Motion::Control(control, u) => x[i] = self.X[i] + load.controls[control] * u,
+                    Motion::Body(b) => {
+                        let X = nalgebra::Point3::from_slice(&self.X[3 * n..3 * n + 3]);
+                        x[i] = (load.poses[b] * X)[c];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Moves followers in `x` \[m\] to where their masters want them.
+    fn follow(&self, x: &mut [f64]) {
+        for &n in &self.free_nodes {
+            for c in 0..3 {
+                if let Motion::Follows(master) = self.motion[n as usize][c] {
+                    let (i, m) = (3 * n as usize + c, 3 * master as usize + c);
+                    x[i] = self.X[i] + (x[m] - self.X[m]);
+                }
+            }
+        }
+    }
+
+    /// ∂Π/∂x \[N\] of one effect over all local nodes, prescribed ones included.
+    pub fn effect_gradient(&self, effect: usize, s: &State) -> Vec<f64> {
+        let e = &self.effects[effect];
+        let m = e.nodes_per_group();
+        let mut forces = vec![0.0; 3 * e.nodes().len()];
+        let chunks = forces.par_chunks_mut(3 * m * FORCE_BATCH).enumerate();
+        chunks.for_each(|(i, out)| e.forces(s, i * FORCE_BATCH, out));
+        let mut g = vec![0.0; s.x.len()];
+        for (&n, f) in e.nodes().iter().zip(forces.chunks_exact(3)) {
+            if n != NO_NODE {
+                for i in 0..3 {
+                    g[3 * n as usize + i] += f[i];
+                }
+            }
+        }
+        g
+    }
+}
+
+const FORCE_BATCH: usize = 64;
+const STIFFNESS_BATCH: usize = 16;
+
+fn tied_group(effect: usize, group: usize, members: &[u32], motion: &[[Motion; 3]]) -> TiedGroup {
+    let mut nodes = members.to_vec();
+    let mut moves = Vec::new();
+    for (p, &n) in members.iter().enumerate().filter(|(_, n)| **n != NO_NODE) {
+        for c in 0..3 {
+            if let Motion::Follows(master) = motion[n as usize][c] {
+                let q = nodes.iter().position(|&m| m == master).unwrap_or_else(|| {
+                    nodes.push(master);
+                    nodes.len() - 1
+                });
+                moves.push((3 * p + c, 3 * q + c));
+            }
+        }
+    }
+    TiedGroup { effect, group, nodes, moves }
+}
+
+/// An island under a load: what the solver minimizes.
+pub struct LoadedIsland {
+    island: Arc<Island>,
+    start: Load,
+    end: Load,
+    load: Load,
+    /// All local nodes; free components are stale.
+    x: Vec<f64>,
+}
+
+impl LoadedIsland {
+    /// The island on its way from `start` to `end`.
+    pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
+        let mut x = island.X.clone();
+        island.prescribe(&start, &mut x);
+        LoadedIsland { island, load: start.clone(), start, end, x }
+    }
+
+    /// Positions \[m\] of all local nodes.
+    pub fn expand(&self, free: &[f64]) -> Vec<f64> {
+        let mut x = self.x.clone();
+        for (&n, p) in self.island.free_nodes.iter().zip(free.chunks_exact(3)) {
+            for c in 0..3 {
+                if self.island.motion[n as usize][c] == Motion::Free {
+                    x[3 * n as usize + c] = p[c];
+                }
+            }
+        }
+        self.island.follow(&mut x);
+        x
+    }
+}
+
+impl Potential for LoadedIsland {
+    fn pattern(&self) -> &Arc<Pattern> {
+        &self.island.pattern
+    }
+
+    fn fixed(&self) -> &[bool] {
+        &self.island.fixed
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        self.island.effects.iter().map(|e| e.energy(&s)).sum()
+    }
+
+    fn gradient(&self, x: &[f64], g: &mut [f64]) {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        g.fill(0.0);
+        for (effect, slots) in island.effects.iter().zip(&island.slots) {
+            slots.add_vectors(g, FORCE_BATCH, |first, out| effect.forces(&s, first, out));
+        }
+        let mut f = Vec::new();
+        for t in &island.tied {
+            let effect = &island.effects[t.effect];
+            f.clear();
+            f.resize(3 * effect.nodes_per_group(), 0.0);
+            effect.forces(&s, t.group, &mut f);
+            f.resize(3 * t.nodes.len(), 0.0);
+            for &(from, to) in &t.moves {
+                f[to] += f[from];
+                f[from] = 0.0;
+            }
+            for (&n, f) in t.nodes.iter().zip(f.chunks_exact(3)) {
+                if let Some(free) = island.free_index(n) {
+                    for c in 0..3 {
+                        g[3 * free + c] += f[c];
+                    }
+                }
+            }
+        }
+    }
+
+    fn hessian(&self, x: &[f64], projected: bool, k: &mut BlockMatrix) {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        k.clear();
+        for (effect, slots) in island.effects.iter().zip(&island.slots) {
+            if !effect.is_linear() {
+                k.add_groups(slots, STIFFNESS_BATCH, |first, out| {
+                    effect.stiffness(&s, projected, first, out)
+                });
+            }
+        }
+        for t in &island.tied {
+            let effect = &island.effects[t.effect];
+            if effect.is_linear() {
+                continue;
+            }
+            let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
+            let mut small = vec![0.0; m * m];
+            effect.stiffness(&s, projected, t.group, &mut small);
+            let mut full = vec![0.0; n * n];
+            for r in 0..m {
+                full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
+            }
+            for &(from, to) in &t.moves {
+                for c in 0..n {
+                    full[to * n + c] += std::mem::take(&mut full[from * n + c]);
+                }
+                for r in 0..n {
+                    full[r * n + to] += std::mem::take(&mut full[r * n + from]);
+                }
+            }
+            for (a, &na) in t.nodes.iter().enumerate() {
+                for (b, &nb) in t.nodes.iter().enumerate() {
+                    if let (Some(row), Some(column)) = (island.free_index(na), island.free_index(nb)) {
+                        let block = std::array::from_fn(|e| full[(3 * a + e / 3) * n + 3 * b + e % 3]);
+                        k.add_block(row, column, &block);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The larger of the reactions of what is prescribed and the forces of any single load, fibre or membrane effect.
+    fn force_scale(&self, x: &[f64]) -> f64 {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        let norm = |g: &[f64]| g.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let mut total = vec![0.0; x.len()];
+        let mut scale = 0.0_f64;
+        for (e, effect) in island.effects.iter().enumerate() {
+            let g = island.effect_gradient(e, &s);
+            if effect.part() != Part::Matrix {
+                scale = scale.max(norm(&g));
+            }
+            total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
+        }
+        for (n, motion) in island.motion.iter().enumerate() {
+            for c in 0..3 {
+                if matches!(motion[c], Motion::Free | Motion::Follows(_)) {
+                    total[3 * n + c] = 0.0;
+                }
+            }
+        }
+        scale.max(norm(&total))
+    }
+
+    fn least_det_f(&self, x: &[f64]) -> (f64, String) {
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        let mut worst = (f64::INFINITY, "no element".to_string());
+        for (effect, cells) in self.island.effects.iter().zip(&self.island.cells) {
+            if let Some((det, group)) = effect.least_det_f(&s)
+                && (det < worst.0 || det.is_nan())
+            {
+                worst = (det, format!("element {} in `{}`", cells[group], effect.name()));
+            }
+        }
+        worst
+    }
+
+    fn node_name(&self, free_node: usize) -> String {
+        let node = self.island.nodes[self.island.free_nodes[free_node] as usize];
+        format!("node {node} of `{}`", self.island.name)
+    }
+}
+
+impl Island {
+    fn free_index(&self, local: u32) -> Option<usize> {
+        if local == NO_NODE {
+            return None;
+        }
+        self.free_nodes.binary_search(&local).ok()
+    }
+}
+
+impl Loading for LoadedIsland {
+    fn set_load(&mut self, t: f64, x: &mut [f64]) {
+        self.load = self.start.towards(&self.end, &self.island.pivots, t);
+        self.island.prescribe(&self.load, &mut self.x);
+        let full = self.expand(x);
+        for (&n, p) in self.island.free_nodes.iter().zip(x.chunks_exact_mut(3)) {
+            p.copy_from_slice(&full[3 * n as usize..3 * n as usize + 3]);
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! What will actually be computed: a scene with every name resolved, every mistake found, and every effect that the
+//! scene does not call for left out; split into islands that nothing connects.
+
+#![allow(non_snake_case)]
+
+mod embed;
+mod error;
+pub mod island;
+mod lines;
+mod motion;
+mod solids;
+mod surfaces;
+mod term;
+
+pub use error::SceneError;
+pub use island::{Island, Load, LoadedIsland, Motion};
+
+use crate::effect::{DeadLoad, Effect, NO_NODE};
+use crate::mesh::Mesh;
+use crate::scene::{Course, Scene};
+use embed::Embedding;
+use error::nearest;
+use std::sync::Arc;
+use term::{Names, Term};
+
+/// What will be computed.
+pub struct Plan {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// Names of the controls, in the order of [`Load::controls`].
+    pub controls: Vec<String>,
+    /// Names of the bodies, in the order of [`Load::poses`].
+    pub bodies: Vec<String>,
+    /// Islands, by their first node.
+    pub islands: Vec<Arc<Island>>,
+    /// What each component of each node of the mesh does.
+    pub motion: Vec<[Motion; 3]>,
+    /// Name and number of groups (elements, segments, loaded nodes) of each effect.
+    pub effects: Vec<(String, usize)>,
+    /// Kinds of effects that the scene does not call for.
+    pub absent: Vec<&'static str>,
+}
+
+impl Plan {
+    /// Compiles a scene over a mesh \[m\].
+    pub fn new(scene: &Scene, mesh: Mesh) -> Result<Plan, SceneError> {
+        let mut names = Names::default();
+        let terms = terms(scene, &mesh, &mut names)?;
+        let motion = motion::motions(scene, &mesh, &mut names)?;
+        surfaces::check_rims(scene, &mesh, &motion)?;
+        let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
+        let islands = islands(&mesh, &terms, &motion, &pivots)?;
+        let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
+        let Names { controls, bodies } = names;
+        Ok(Plan { mesh, controls, bodies, islands, motion, effects, absent: absent(scene) })
+    }
+
+    /// Reads a scene from TOML text; `path` is for messages.
+    pub fn parse(text: &str, path: &std::path::Path) -> Result<Scene, SceneError> {
+        toml::from_str(text).map_err(|e| SceneError::Parse { path: path.to_path_buf(), source: Box::new(e) })
+    }
+
+    /// A load with the named controls and bodies; those not named are zero and where the mesh has them.
+    pub fn load(
+        &self,
+        controls: &[(&str, f64)],
+        poses: &[(&str, crate::body::Pose)],
+    ) -> Result<Load, SceneError> {
+        let mut load = Load {
+            controls: vec![0.0; self.controls.len()],
+            poses: vec![Default::default(); self.bodies.len()],
+        };
+        for (name, value) in controls {
+            let at = find(&self.controls, name, "control")?;
+            term::check("drive", &format!("control `{name}`"), *value, true, "a finite number")?;
+            load.controls[at] = *value;
+        }
+        for (name, pose) in poses {
+            load.poses[find(&self.bodies, name, "body")?] = *pose;
+        }
+        Ok(load)
+    }
+
+    /// Number of unknowns of all islands.
+    pub fn n_unknowns(&self) -> usize {
+        self.islands.iter().map(|i| i.n_unknowns()).sum()
+    }
+
+    /// Positions \[m\] of all nodes as meshed, 3 per node.
+    pub fn reference(&self) -> Vec<f64> {
+        self.mesh.points.as_flattened().to_vec()
+    }
+}
+
+fn find(list: &[String], name: &str, what: &'static str) -> Result<usize, SceneError> {
+    list.iter().position(|n| n == name).ok_or_else(|| SceneError::Unknown {
+        user: "drive".to_string(),
+        what,
+        name: name.to_string(),
+        nearest: nearest(name, list.iter().map(String::as_str)),
+    })
+}
+
+fn absent(scene: &Scene) -> Vec<&'static str> {
+    [
+        ("solids", scene.solids.is_empty()),
+        ("fibres", scene.fibres.is_empty()),
+        ("membranes", scene.membranes.is_empty()),
+        ("strands", scene.strands.is_empty()),
+        ("gravity", scene.gravity.is_none()),
+        ("pressures", scene.pressures.is_empty()),
+        ("forces", scene.forces.is_empty()),
+    ]
+    .into_iter()
+    .filter_map(|(name, absent)| absent.then_some(name))
+    .collect()
+}
+
+fn terms(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<Term>, SceneError> {
+    let mut terms = Vec::new();
+    for spec in &scene.solids {
+        terms.push(solids::term(spec, mesh, names)?);
+    }
+    let embedded = scene.fibres.iter().any(|f| matches!(f.course, Course::Embedded(_)));
+    let regions: Vec<&str> =
+        if embedded { scene.solids.iter().map(|s| s.region.as_str()).collect() } else { vec![] };
+    let embedding = Embedding::new(mesh, &regions);
+    for spec in &scene.fibres {
+        terms.push(lines::fibres(spec, mesh, &embedding, names)?);
+    }
+    for spec in &scene.membranes {
+        terms.push(surfaces::membrane(spec, mesh)?);
+    }
+    for spec in &scene.strands {
+        terms.push(lines::strands(spec, mesh)?);
+    }
+    if terms.is_empty() {
+        return Err(SceneError::Empty);
+    }
+    for spec in &scene.pressures {
+        terms.push(surfaces::pressure(spec, mesh, names)?);
+    }
+    if let Some(gravity) = &scene.gravity {
+        let mut loads = vec![[0.0; 3]; mesh.points.len()];
+        for spec in &scene.solids {
+            solids::add_weights(spec, mesh, gravity.acceleration, &mut loads)?;
+        }
+        let loads = (0..).zip(loads).filter(|(_, f)| *f != [0.0; 3]).collect();
+        terms.push(dead_load("gravity", names.control(&gravity.control), loads));
+    }
+    for spec in &scene.forces {
+        for (node, force) in &spec.loads {
+            let user = format!("force `{}`", spec.name);
+            let n = mesh.points.len();
+            term::check(&user, "node", f64::from(*node), (*node as usize) < n, "a node of the mesh")?;
+            force.iter().try_for_each(|f| term::check(&user, "force [N]", *f, true, "a finite number"))?;
+        }
+        terms.push(dead_load(&spec.name, names.control(&spec.control), spec.loads.clone()));
+    }
+    for (i, t) in terms.iter().enumerate() {
+        if terms[..i].iter().any(|o| o.name == t.name) {
+            return Err(SceneError::Twice { what: "effect", name: t.name.clone() });
+        }
+    }
+    Ok(terms)
+}
+
+fn dead_load(name: &str, control: usize, loads: Vec<(u32, [f64; 3])>) -> Term {
+    let nodes = loads.iter().map(|l| l.0).collect();
+    let build: term::Builder = Box::new(move |name, _, nodes, groups| {
+        let loads: Vec<_> = groups.iter().zip(nodes).map(|(&g, &n)| (n, loads[g as usize].1)).collect();
+        Ok(Box::new(DeadLoad::new(name, control, &loads)) as Box<dyn Effect>)
+    });
+    Term { name: name.to_string(), nodes_per_group: 1, nodes, couples: false, build }
+}
+
+/// Centre of the nodes that move with each body.
+fn pivots(mesh: &Mesh, motion: &[[Motion; 3]], n_bodies: usize) -> Vec<[f64; 3]> {
+    let mut sums = vec![([0.0; 3], 0.0); n_bodies];
+    for (m, p) in motion.iter().zip(&mesh.points) {
+        if let Motion::Body(b) = m[0] {
+            for i in 0..3 {
+                sums[b].0[i] += p[i];
+            }
+            sums[b].1 += 1.0;
+        }
+    }
+    sums.into_iter().map(|(sum, n): ([f64; 3], f64)| sum.map(|s| s / n.max(1.0))).collect()
+}
+
+/// Splits the terms into islands: nodes connected through groups, without passing through nodes that are prescribed.
+fn islands(
+    mesh: &Mesh,
+    terms: &[Term],
+    motion: &[[Motion; 3]],
+    pivots: &Arc<Vec<[f64; 3]>>,
+) -> Result<Vec<Arc<Island>>, SceneError> {
+    let n = mesh.points.len();
+    let is_free =
+        |node: u32| motion[node as usize].iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_)));
+    let mut parent: Vec<u32> = (0..n as u32).collect();
+    let mut unite = |a: u32, b: u32| {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        parent[a.max(b) as usize] = a.min(b);
+    };
+    for (node, m) in motion.iter().enumerate() {
+        for m in m {
+            if let Motion::Follows(master) = m {
+                unite(node as u32, *master);
+            }
+        }
+    }
+    for term in terms.iter().filter(|t| t.couples) {
+        for group in term.nodes.chunks_exact(term.nodes_per_group) {
+            let mut free = group.iter().filter(|&&n| n != NO_NODE && is_free(n));
+            if let Some(first) = free.next() {
+                free.for_each(|n| unite(*first, *n));
+            }
+        }
+    }
+    // The island of a group: that of its first free node; groups without any go where their first node is.
+    let root_of = |group: &[u32], parent: &mut Vec<u32>| {
+        let node = group.iter().find(|&&n| n != NO_NODE && is_free(n)).unwrap_or(&group[0]);
+        root(parent, *node)
+    };
+    let mut of_root = std::collections::BTreeMap::<u32, Vec<Vec<u32>>>::new();
+    for (t, term) in terms.iter().enumerate() {
+        for (g, group) in term.nodes.chunks_exact(term.nodes_per_group).enumerate() {
+            let groups =
+                of_root.entry(root_of(group, &mut parent)).or_insert_with(|| vec![vec![]; terms.len()]);
+            groups[t].push(g as u32);
+        }
+    }
+    of_root.into_values().map(|groups| island(mesh, terms, motion, pivots, groups).map(Arc::new)).collect()
+}
+
+fn root(parent: &mut [u32], mut n: u32) -> u32 {
+    while parent[n as usize] != n {
+        parent[n as usize] = parent[parent[n as usize] as usize];
+        n = parent[n as usize];
+    }
+    n
+}
+
+/// The island of some groups of each term.
+fn island(
+    mesh: &Mesh,
+    terms: &[Term],
+    motion: &[[Motion; 3]],
+    pivots: &Arc<Vec<[f64; 3]>>,
+    groups: Vec<Vec<u32>>,
+) -> Result<Island, SceneError> {
+    let members = |t: usize| {
+        let m = terms[t].nodes_per_group;
+        groups[t].iter().flat_map(move |&g| &terms[t].nodes[m * g as usize..m * (g as usize + 1)]).copied()
+    };
+    let mut nodes: Vec<u32> = (0..terms.len()).flat_map(members).filter(|&n| n != NO_NODE).collect();
+    let masters: Vec<u32> = nodes
+        .iter()
+        .flat_map(|&n| motion[n as usize])
+        .filter_map(|m| if let Motion::Follows(master) = m { Some(master) } else { None })
+        .collect();
+    nodes.extend(masters);
+    nodes.sort_unstable();
+    nodes.dedup();
+    let local = |n: u32| if n == NO_NODE { NO_NODE } else { nodes.binary_search(&n).expect("listed") as u32 };
+    let points: Vec<[f64; 3]> = nodes.iter().map(|&n| mesh.points[n as usize]).collect();
+    let (mut effects, mut cells, mut name) = (Vec::new(), Vec::new(), None);
+    for (t, term) in terms.iter().enumerate().filter(|(t, _)| !groups[*t].is_empty()) {
+        let places: Vec<u32> = members(t).map(local).collect();
+        effects.push((term.build)(&term.name, &points, &places, &groups[t])?);
+        cells.push(groups[t].clone());
+        name.get_or_insert(&term.name);
+    }
+    let motion = nodes.iter().map(|&n| {
+        motion[n as usize].map(|m| match m {
+            Motion::Follows(master) => Motion::Follows(local(master)),
+            other => other,
+        })
+    });
+    let (name, motion) = (name.cloned().unwrap_or_default(), motion.collect());
+    let X = points.as_flattened().to_vec();
+    Ok(Island::new(name, nodes, X, effects, cells, motion, pivots.clone()))
+}

@@ -1,0 +1,224 @@
+//! Solid regions of a scene as terms: law and shape chosen once, so that the loops over elements do not ask.
+
+use super::SceneError;
+use super::term::{Builder, Names, Term, cells_of, check, unit};
+use crate::effect::solid::{LawField, Solid, Uniform};
+use crate::effect::{Effect, State, load::add_weight};
+use crate::element::{Formulation, Rule, SolidElement, shape};
+use crate::material::*;
+use crate::mesh::{CellBlock, CellKind, Mesh};
+use crate::scene::{FibreDirection, LawSpec, SolidSpec};
+use nalgebra::Vector3;
+
+/// Blemker's muscle with its fibre directions.
+#[derive(Clone)]
+struct BlemkerField {
+    law: Blemker,
+    directions: Vec<Vector3<f64>>,
+    activation: Option<usize>,
+}
+
+impl LawField for BlemkerField {
+    type Law = BlemkerFibre;
+    fn law(&self, cell: usize, s: &State) -> BlemkerFibre {
+        let activation = self.activation.map_or(0.0, |c| s.controls[c]);
+        BlemkerFibre { law: Blemker { activation, ..self.law }, a0: self.directions[cell] }
+    }
+}
+
+/// A law field that can be restricted to some cells.
+trait Restrict: LawField + Sized + 'static {
+    fn restrict(&self, cells: &[u32]) -> Self;
+}
+
+impl<L: Material + 'static> Restrict for Uniform<L> {
+    fn restrict(&self, _: &[u32]) -> Self {
+        Uniform(self.0)
+    }
+}
+
+impl Restrict for BlemkerField {
+    fn restrict(&self, cells: &[u32]) -> Self {
+        let directions = cells.iter().map(|&c| self.directions[c as usize]).collect();
+        BlemkerField { directions, ..self.clone() }
+    }
+}
+
+/// The term of a solid region.
+pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, SceneError> {
+    let user = format!("solid `{}`", spec.region);
+    let block = cells_of(mesh, &spec.region, &user)?;
+    check(&user, "density [kg/m^3]", spec.density, spec.density >= 0.0, "at least 0")?;
+    let default = if block.kind == CellKind::Hex8 { Formulation::MeanDilatation } else { Formulation::Plain };
+    let formulation = spec.formulation.map_or(default, Formulation::from);
+    let build = match spec.law.clone() {
+        LawSpec::NeoHookean { young, nu } => {
+            young_and_poisson(&user, young, nu)?;
+            by_shape(block, formulation, &user, Uniform(NeoHookean::from_young(young, nu)))?
+        }
+        LawSpec::NeoHookeanUncoupled { mu, bulk } => {
+            positive(&user, &[("mu [Pa]", mu), ("bulk [Pa]", bulk)])?;
+            by_shape(block, formulation, &user, Uniform(NeoHookeanUncoupled { mu, bulk }))?
+        }
+        LawSpec::MooneyRivlin { c10, c01, bulk } => {
+            positive(&user, &[("c10 + c01 [Pa]", c10 + c01), ("bulk [Pa]", bulk)])?;
+            by_shape(block, formulation, &user, Uniform(MooneyRivlin { c10, c01, bulk }))?
+        }
+        LawSpec::MooneyRivlinDyna { a, b, nu } => {
+            young_and_poisson(&user, a + b, nu)?;
+            by_shape(block, formulation, &user, Uniform(MooneyRivlinDyna { a, b, nu }))?
+        }
+        LawSpec::StableNeoHookean { young, nu } => {
+            young_and_poisson(&user, young, nu)?;
+            by_shape(block, formulation, &user, Uniform(StableNeoHookean::from_young(young, nu)))?
+        }
+        LawSpec::StVenantKirchhoff { young, nu } => {
+            young_and_poisson(&user, young, nu)?;
+            by_shape(block, formulation, &user, Uniform(StVenantKirchhoff::from_young(young, nu)))?
+        }
+        LawSpec::LinearElastic { young, nu } => {
+            young_and_poisson(&user, young, nu)?;
+            by_shape(block, formulation, &user, Uniform(LinearElastic::from_young(young, nu)))?
+        }
+        LawSpec::Blemker { g1, g2, bulk, sigma_max, lambda_ofl, fibres, activation } => {
+            positive(
+                &user,
+                &[("g1 [Pa]", g1), ("g2 [Pa]", g2), ("bulk [Pa]", bulk), ("lambda_ofl", lambda_ofl)],
+            )?;
+            check(&user, "sigma_max [Pa]", sigma_max, sigma_max >= 0.0, "at least 0")?;
+            let field = BlemkerField {
+                law: Blemker { g1, g2, bulk, sigma_max, lambda_ofl, ..Blemker::muscle() },
+                directions: directions(&user, &fibres, mesh, block)?,
+                activation: activation.map(|a| names.control(&a)),
+            };
+            by_shape(block, formulation, &user, field)?
+        }
+    };
+    Ok(Term {
+        name: spec.region.clone(),
+        nodes_per_group: block.kind.n_nodes(),
+        nodes: block.nodes.clone(),
+        couples: true,
+        build,
+    })
+}
+
+fn positive(user: &str, values: &[(&str, f64)]) -> Result<(), SceneError> {
+    values.iter().try_for_each(|(name, v)| check(user, name, *v, *v > 0.0, "positive"))
+}
+
+fn young_and_poisson(user: &str, young: f64, nu: f64) -> Result<(), SceneError> {
+    check(user, "stiffness [Pa]", young, young > 0.0, "positive")?;
+    check(user, "Poisson's ratio", nu, nu > -1.0 && nu < 0.5, "above -1 and below 0.5")
+}
+
+fn by_shape<F: Restrict>(
+    block: &CellBlock,
+    f: Formulation,
+    user: &str,
+    field: F,
+) -> Result<Builder, SceneError> {
+    match block.kind {
+        CellKind::Hex8 => Ok(builder(shape::hex8, f, field)),
+        CellKind::Tet4 => Ok(builder(shape::tet4, f, field)),
+        CellKind::Tet10 => Ok(builder(shape::tet10, f, field)),
+        found => Err(SceneError::Kind {
+            user: user.to_string(),
+            block: block.name.clone(),
+            found,
+            needed: "hexahedra or tetrahedra",
+        }),
+    }
+}
+
+fn builder<F: Restrict, const N: usize, const G: usize>(
+    rule: fn() -> Rule<N, G, 3>,
+    formulation: Formulation,
+    field: F,
+) -> Builder {
+    Box::new(move |name, points, nodes, cells| {
+        let (nodes, _) = nodes.as_chunks::<N>();
+        let solid = Solid::new(name, field.restrict(cells), formulation, &rule(), points, nodes.to_vec());
+        match solid {
+            Ok(solid) => Ok(Box::new(solid) as Box<dyn Effect>),
+            Err((at, det)) => {
+                Err(SceneError::Shape { block: name.to_string(), cell: cells[at] as usize, det })
+            }
+        }
+    })
+}
+
+fn directions(
+    user: &str,
+    spec: &FibreDirection,
+    mesh: &Mesh,
+    block: &CellBlock,
+) -> Result<Vec<Vector3<f64>>, SceneError> {
+    let n = block.nodes.len() / block.kind.n_nodes();
+    match spec {
+        FibreDirection::Uniform(d) => Ok(vec![unit(user, *d)?; n]),
+        FibreDirection::PerCell(list) if list.len() == n => list.iter().map(|d| unit(user, *d)).collect(),
+        FibreDirection::PerCell(list) => Err(SceneError::Count {
+            user: user.to_string(),
+            quantity: "fibre directions",
+            found: list.len(),
+            needed: format!("one per cell: {n}"),
+        }),
+        FibreDirection::CellAxis(axis) => {
+            check(user, "cell axis", *axis as f64, *axis < 3, "0, 1 or 2")?;
+            if block.kind != CellKind::Hex8 {
+                let (user, block, found) = (user.to_string(), block.name.clone(), block.kind);
+                return Err(SceneError::Kind { user, block, found, needed: "hexahedra for a cell axis" });
+            }
+            let (_, dn) = shape::hex8_at([0.0; 3]);
+            let tangent = |nodes: &[u32]| {
+                let mut t = [0.0; 3];
+                for (&n, dn) in nodes.iter().zip(&dn) {
+                    for i in 0..3 {
+                        t[i] += mesh.points[n as usize][i] * dn[*axis];
+                    }
+                }
+                unit(user, t)
+            };
+            block.nodes.chunks_exact(8).map(tangent).collect()
+        }
+    }
+}
+
+/// Adds the weights \[N\] of all cells of a solid under `acceleration` \[m/s²\] to `loads`, one per node of the mesh.
+pub fn add_weights(
+    spec: &SolidSpec,
+    mesh: &Mesh,
+    acceleration: [f64; 3],
+    loads: &mut [[f64; 3]],
+) -> Result<(), SceneError> {
+    let block = cells_of(mesh, &spec.region, &format!("solid `{}`", spec.region))?;
+    let force = acceleration.map(|a| a * spec.density);
+    match block.kind {
+        CellKind::Hex8 => weights(&shape::hex8(), block, mesh, force, loads),
+        CellKind::Tet4 => weights(&shape::tet4(), block, mesh, force, loads),
+        CellKind::Tet10 => weights(&shape::tet10(), block, mesh, force, loads),
+        _ => Ok(()),
+    }
+}
+
+fn weights<const N: usize, const G: usize>(
+    rule: &Rule<N, G, 3>,
+    block: &CellBlock,
+    mesh: &Mesh,
+    force: [f64; 3],
+    loads: &mut [[f64; 3]],
+) -> Result<(), SceneError> {
+    for (cell, nodes) in block.nodes.as_chunks::<N>().0.iter().enumerate() {
+        let element = SolidElement::new(rule, &nodes.map(|n| mesh.points[n as usize]))
+            .map_err(|det| SceneError::Shape { block: block.name.clone(), cell, det })?;
+        let mut share = [[0.0; 3]; N];
+        add_weight(&element, &rule.n, force, &mut share);
+        for (&n, f) in nodes.iter().zip(share) {
+            for i in 0..3 {
+                loads[n as usize][i] += f[i];
+            }
+        }
+    }
+    Ok(())
+}

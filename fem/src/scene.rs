@@ -1,0 +1,304 @@
+//! What a person writes down: which regions of a mesh are what, what holds and what drives them.
+//!
+//! Everything here can be read from TOML; a misspelt key is an error. Units: m, N, Pa, kg/m³. Nothing is simulated
+//! that the scene does not name.
+//!
+//! Quantities that change in time are *controls*: names (an activation, a pressure, a load factor) whose values a
+//! [`crate::run::Drive`] gives. Bones are *bodies*: names whose poses the drive gives, relative to the mesh.
+
+use crate::element::Formulation;
+use crate::material::line::FibreStrain;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A scene.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Scene {
+    /// Mesh file, relative to the scene; absent where the mesh comes from the program.
+    pub mesh: Option<PathBuf>,
+    /// Solid regions.
+    pub solids: Vec<SolidSpec>,
+    /// Fibres: segments that carry axial force and can be activated.
+    pub fibres: Vec<FibreSpec>,
+    /// Membranes.
+    pub membranes: Vec<MembraneSpec>,
+    /// Ligament strands.
+    pub strands: Vec<StrandSpec>,
+    /// Gravity; absent: weightless.
+    pub gravity: Option<GravitySpec>,
+    /// Follower pressures.
+    pub pressures: Vec<PressureSpec>,
+    /// Dead nodal forces.
+    pub forces: Vec<ForceSpec>,
+    /// Prescribed displacements, rollers among them.
+    pub prescribed: Vec<PrescribedSpec>,
+    /// Nodes tied to rigid bodies whose poses the drive prescribes.
+    pub ties: Vec<TieSpec>,
+    /// Sets of nodes that move as one plane.
+    pub planes: Vec<PlaneSpec>,
+}
+
+/// A solid region.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SolidSpec {
+    /// Block of cells in the mesh.
+    pub region: String,
+    /// Law.
+    pub law: LawSpec,
+    /// `mean_dilatation` (default of hexahedra) or `plain` (default of tetrahedra).
+    #[serde(default)]
+    pub formulation: Option<FormulationSpec>,
+    /// Density \[kg/m³\], for gravity.
+    #[serde(default = "soft_tissue_density")]
+    pub density: f64,
+}
+
+fn soft_tissue_density() -> f64 {
+    1060.0
+}
+
+/// Name of a [`Formulation`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FormulationSpec {
+    /// [`Formulation::Plain`].
+    Plain,
+    /// [`Formulation::MeanDilatation`].
+    MeanDilatation,
+}
+
+impl From<FormulationSpec> for Formulation {
+    fn from(spec: FormulationSpec) -> Formulation {
+        match spec {
+            FormulationSpec::Plain => Formulation::Plain,
+            FormulationSpec::MeanDilatation => Formulation::MeanDilatation,
+        }
+    }
+}
+
+/// A solid law and its constants; see [`crate::material`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[allow(missing_docs)] // the constants are documented at the laws
+pub enum LawSpec {
+    NeoHookean {
+        young: f64,
+        nu: f64,
+    },
+    NeoHookeanUncoupled {
+        mu: f64,
+        bulk: f64,
+    },
+    MooneyRivlin {
+        c10: f64,
+        c01: f64,
+        bulk: f64,
+    },
+    MooneyRivlinDyna {
+        a: f64,
+        b: f64,
+        nu: f64,
+    },
+    StableNeoHookean {
+        young: f64,
+        nu: f64,
+    },
+    StVenantKirchhoff {
+        young: f64,
+        nu: f64,
+    },
+    LinearElastic {
+        young: f64,
+        nu: f64,
+    },
+    /// Blemker's muscle with its published curves.
+    Blemker {
+        g1: f64,
+        g2: f64,
+        bulk: f64,
+        sigma_max: f64,
+        lambda_ofl: f64,
+        fibres: FibreDirection,
+        /// Control that holds the activation; absent: passive.
+        activation: Option<String>,
+    },
+}
+
+/// Where the fibre direction of a solid comes from.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FibreDirection {
+    /// The same everywhere; normalised.
+    Uniform([f64; 3]),
+    /// Parametric axis 0, 1 or 2 of each hexahedron at its centre.
+    CellAxis(usize),
+    /// One per cell; normalised.
+    PerCell(Vec<[f64; 3]>),
+}
+
+/// Fibres.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FibreSpec {
+    /// Name, as reported.
+    pub name: String,
+    /// Where they run.
+    pub course: Course,
+    /// Law.
+    pub law: FibreLawSpec,
+    /// Cross-section \[m²\]: one for all, or one per line of two nodes (per polyline where embedded).
+    pub area: Vec<f64>,
+    /// Control that holds the activation; absent: passive.
+    #[serde(default)]
+    pub activation: Option<String>,
+}
+
+/// Where fibres run.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Course {
+    /// Along a block of two-node lines of the mesh.
+    Region(String),
+    /// Along polylines through solid regions: reference points \[m\], tied to the cells in which they lie.
+    Embedded(Vec<Vec<[f64; 3]>>),
+}
+
+/// A fibre law and its constants; see [`crate::material::line`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum FibreLawSpec {
+    /// [`crate::material::line::ThermalFibre`].
+    Thermal {
+        /// Young's modulus \[Pa\].
+        young: f64,
+        /// Contraction strain at full activation.
+        contraction: f64,
+        /// Strain measure.
+        strain: FibreStrain,
+        /// Strain over which tension sets in; absent: the fibre resists compression too.
+        #[serde(default)]
+        toe: Option<f64>,
+    },
+    /// [`crate::material::line::HillFibre`].
+    Hill {
+        /// Greatest active stress \[Pa\].
+        sigma_max: f64,
+        /// Stretch at which the fibre has its optimal length.
+        lambda_opt: f64,
+    },
+}
+
+/// A membrane region.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct MembraneSpec {
+    /// Block of quadrilaterals or triangles in the mesh.
+    pub region: String,
+    /// Thickness \[m\].
+    pub thickness: f64,
+    /// Law.
+    pub law: MembraneLawSpec,
+}
+
+/// A membrane law; see [`crate::material::membrane::MembraneLaw`].
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[allow(missing_docs)] // the constants are documented at the laws
+pub enum MembraneLawSpec {
+    StVenantKirchhoff { young: f64, nu: f64 },
+    NeoHookean { mu: f64 },
+}
+
+/// Ligament strands along a block of two-node lines; see [`crate::material::line::Strand`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrandSpec {
+    /// Block of two-node lines in the mesh.
+    pub region: String,
+    /// Force per unit strain of each strand \[N\].
+    pub stiffness: f64,
+    /// Half the strain at which the toe ends.
+    #[serde(default = "blankevoort_toe")]
+    pub toe: f64,
+    /// Strain in the mesh as it is.
+    #[serde(default)]
+    pub reference_strain: f64,
+}
+
+fn blankevoort_toe() -> f64 {
+    0.03
+}
+
+/// Gravity on all solids.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct GravitySpec {
+    /// Acceleration \[m/s²\] at unit value of the control.
+    pub acceleration: [f64; 3],
+    /// Control that scales it.
+    pub control: String,
+}
+
+/// Pressure that stays normal to a surface.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PressureSpec {
+    /// Surface of the mesh; normals by the right-hand rule, positive pressure pushes against them.
+    pub surface: String,
+    /// A point \[m\] in every plane that cuts the surface open (the centre for an octant); any point where it is closed
+    /// or its rim is held.
+    #[serde(default)]
+    pub origin: [f64; 3],
+    /// Control that holds the pressure \[Pa\].
+    pub control: String,
+}
+
+/// Dead forces on the nodes of a set.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceSpec {
+    /// Name, as reported.
+    pub name: String,
+    /// Nodes and forces \[N\] at unit value of the control.
+    pub loads: Vec<(u32, [f64; 3])>,
+    /// Control that scales them.
+    pub control: String,
+}
+
+/// Displacement components that are prescribed.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrescribedSpec {
+    /// Node set.
+    pub nodes: String,
+    /// Which of x, y, z.
+    pub components: [bool; 3],
+    /// Displacement \[m\] at unit value of the control: none (held), one for all nodes, or one per node of the set.
+    #[serde(default)]
+    pub displacement: Vec<[f64; 3]>,
+    /// Control that scales it; absent: held where it is.
+    #[serde(default)]
+    pub control: Option<String>,
+}
+
+/// Nodes that move with a rigid body.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TieSpec {
+    /// Node set.
+    pub nodes: String,
+    /// Body.
+    pub body: String,
+}
+
+/// Nodes whose displacement component along an axis is one common unknown.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneSpec {
+    /// Node set.
+    pub nodes: String,
+    /// Axis 0, 1 or 2.
+    pub axis: usize,
+}
