@@ -68,7 +68,6 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
     }
 
     /// Π \[J\]; `+∞` where the law is not defined.
-    #[inline(always)]
     pub fn energy<L: Material>(&self, formulation: Formulation, law: &L, x: &[[f64; 3]; N]) -> f64 {
         match formulation {
             Formulation::Plain => {
@@ -82,7 +81,6 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
     }
 
     /// ∂Π/∂x_a \[N\] per node.
-    #[inline(always)]
     pub fn gradient<L: Material>(
         &self,
         formulation: Formulation,
@@ -142,7 +140,6 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
 
     /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\]; `projected` makes it positive semidefinite, point by
     /// point.
-    #[inline(always)]
     pub fn hessian<L: Material>(
         &self,
         formulation: Formulation,
@@ -179,7 +176,6 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
 
     /// Lower blocks of the stiffness of the mean-dilatation element:
     /// Σ w δF:(A + p̄ ∂²J):δF + 2 (Σ w P_θ:δF) δθ + (Σ w p_θ) δθ²,   δθ = Σ w cof F:δF / V,   p̄ = Σ w p / V.
-    #[inline(always)]
     fn mixed_hessian<L: Material>(&self, law: &L, x: &[[f64; 3]; N], projected: bool, k: &mut Stiffness<N>) {
         let theta = self.dilatation(x);
         let F: [Matrix3; G] = std::array::from_fn(|g| self.deformation_gradient(g, x));
@@ -225,7 +221,6 @@ pub(crate) fn contract<const N: usize>(x: &[[f64; 3]; N], d: &[[f64; 3]; N]) -> 
 }
 
 /// f_a += P d_a.
-#[inline(always)]
 fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]) {
     for a in 0..N {
         for i in 0..3 {
@@ -235,7 +230,6 @@ fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]
 }
 
 /// Lower blocks of Σ w ∂N_a/∂X_j A_ijkl ∂N_b/∂X_l.
-#[inline(always)]
 fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Matrix9, w: f64, d: &[[f64; 3]; N]) {
     // A reordered so that the nine entries (i, k) of each (j, l) are neighbours: one vector operation each.
     let mut a = [[[0.0; 9]; 3]; 3];

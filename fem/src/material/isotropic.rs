@@ -23,7 +23,6 @@ pub fn mean_dilatation<S: Real>(I1: S, I2: S, J: S, theta: S) -> (S, S, S) {
 }
 
 /// I₁, I₂, J and FC.
-#[inline(always)]
 fn invariants(F: &Matrix3) -> (f64, f64, f64, Matrix3) {
     let FC = F * (F.transpose() * F);
     let I1 = F.norm_squared();
@@ -97,7 +96,7 @@ impl<L: Isotropic> MixedJet for L {}
 /// Σ ψᵢ ∂²Iᵢ/∂F² + Σ ψᵢⱼ ∂Iᵢ/∂F ⊗ ∂Iⱼ/∂F, exactly symmetric.
 ///
 /// ∂²I₂/∂F²: dF = 2(2 (F:dF) F + I₁ dF − dF C − F dFᵀ F − FFᵀ dF).
-#[inline(always)]
+#[inline(never)]
 fn combine(F: &Matrix3, FC: &Matrix3, I1: f64, d: [f64; 3], h: [[f64; 3]; 3]) -> Matrix9 {
     let C = F.transpose() * F;
     let B = F * F.transpose();

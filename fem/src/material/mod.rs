@@ -10,6 +10,7 @@ pub mod blemker;
 mod fibre_reinforced;
 mod isotropic;
 mod jet;
+mod law;
 pub mod line;
 pub mod linear_elastic;
 pub mod membrane;
@@ -22,6 +23,7 @@ pub use blemker::{Blemker, BlemkerFibre};
 pub use fibre_reinforced::FibreReinforced;
 pub use isotropic::{Isotropic, mean_dilatation};
 pub use jet::{Jet, Real};
+pub use law::Law;
 pub use linear_elastic::LinearElastic;
 pub use mooney_rivlin::{MooneyRivlin, MooneyRivlinDyna};
 pub use neo_hookean::{NeoHookean, NeoHookeanUncoupled};
@@ -104,14 +106,14 @@ pub trait Material: Copy + Send + Sync {
 }
 
 /// cof F = ∂(det F)/∂F.
-#[inline(always)]
+#[inline]
 pub fn cofactor(F: &Matrix3) -> Matrix3 {
     let (a, b, c) = (F.column(0), F.column(1), F.column(2));
     Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
 }
 
 /// Adds `factor` ∂²(det F)/∂F∂F to `A`.
-#[inline(always)]
+#[inline(never)]
 pub fn add_det_hessian(A: &mut Matrix9, F: &Matrix3, factor: f64) {
     for (j, l, c, sign) in
         [(0, 1, 2, 1.0), (1, 2, 0, 1.0), (2, 0, 1, 1.0), (1, 0, 2, -1.0), (2, 1, 0, -1.0), (0, 2, 1, -1.0)]

@@ -2,7 +2,7 @@
 
 use super::SceneError;
 use super::term::{Builder, Names, Term, cells_of, check, unit};
-use crate::effect::solid::{LawField, Solid, Uniform};
+use crate::effect::solid::{LawField, Solid};
 use crate::effect::{Effect, State, load::add_weight};
 use crate::element::{Formulation, Rule, SolidElement, shape};
 use crate::material::*;
@@ -10,37 +10,35 @@ use crate::mesh::{CellBlock, CellKind, Mesh};
 use crate::scene::{FibreDirection, LawSpec, SolidSpec};
 use nalgebra::Vector3;
 
-/// Blemker's muscle with its fibre directions.
+/// The law of a region, with fibre directions and activation where it has them.
 #[derive(Clone)]
-struct BlemkerField {
-    law: Blemker,
+struct Field {
+    law: Law,
+    /// One per cell for laws with fibres, otherwise empty.
     directions: Vec<Vector3<f64>>,
     activation: Option<usize>,
 }
 
-impl LawField for BlemkerField {
-    type Law = BlemkerFibre;
-    fn law(&self, cell: usize, s: &State) -> BlemkerFibre {
-        let activation = self.activation.map_or(0.0, |c| s.controls[c]);
-        BlemkerFibre { law: Blemker { activation, ..self.law }, a0: self.directions[cell] }
+impl LawField for Field {
+    type Law = Law;
+    fn law(&self, cell: usize, s: &State) -> Law {
+        match self.law {
+            Law::Blemker(along) => {
+                let activation = self.activation.map_or(0.0, |c| s.controls[c]);
+                Law::Blemker(BlemkerFibre {
+                    law: Blemker { activation, ..along.law },
+                    a0: self.directions[cell],
+                })
+            }
+            law => law,
+        }
     }
 }
 
-/// A law field that can be restricted to some cells.
-trait Restrict: LawField + Sized + 'static {
-    fn restrict(&self, cells: &[u32]) -> Self;
-}
-
-impl<L: Material + 'static> Restrict for Uniform<L> {
-    fn restrict(&self, _: &[u32]) -> Self {
-        Uniform(self.0)
-    }
-}
-
-impl Restrict for BlemkerField {
-    fn restrict(&self, cells: &[u32]) -> Self {
-        let directions = cells.iter().map(|&c| self.directions[c as usize]).collect();
-        BlemkerField { directions, ..self.clone() }
+impl Field {
+    fn restrict(&self, cells: &[u32]) -> Field {
+        let directions = cells.iter().filter_map(|&c| self.directions.get(c as usize).copied()).collect();
+        Field { directions, ..*self }
     }
 }
 
@@ -51,56 +49,62 @@ pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, Sc
     check(&user, "density [kg/m^3]", spec.density, spec.density >= 0.0, "at least 0")?;
     let default = if block.kind == CellKind::Hex8 { Formulation::MeanDilatation } else { Formulation::Plain };
     let formulation = spec.formulation.map_or(default, Formulation::from);
-    let build = match spec.law.clone() {
+    let (mut fibres, mut activation) = (Vec::new(), None);
+    let law = match &spec.law {
         LawSpec::NeoHookean { young, nu } => {
-            young_and_poisson(&user, young, nu)?;
-            by_shape(block, formulation, &user, Uniform(NeoHookean::from_young(young, nu)))?
+            young_and_poisson(&user, *young, *nu)?;
+            Law::NeoHookean(NeoHookean::from_young(*young, *nu))
         }
         LawSpec::NeoHookeanUncoupled { mu, bulk } => {
-            positive(&user, &[("mu [Pa]", mu), ("bulk [Pa]", bulk)])?;
-            by_shape(block, formulation, &user, Uniform(NeoHookeanUncoupled { mu, bulk }))?
+            positive(&user, &[("mu [Pa]", *mu), ("bulk [Pa]", *bulk)])?;
+            Law::NeoHookeanUncoupled(NeoHookeanUncoupled { mu: *mu, bulk: *bulk })
         }
         LawSpec::MooneyRivlin { c10, c01, bulk } => {
-            positive(&user, &[("c10 + c01 [Pa]", c10 + c01), ("bulk [Pa]", bulk)])?;
-            by_shape(block, formulation, &user, Uniform(MooneyRivlin { c10, c01, bulk }))?
+            positive(&user, &[("c10 + c01 [Pa]", c10 + c01), ("bulk [Pa]", *bulk)])?;
+            Law::MooneyRivlin(MooneyRivlin { c10: *c10, c01: *c01, bulk: *bulk })
         }
         LawSpec::MooneyRivlinDyna { a, b, nu } => {
-            young_and_poisson(&user, a + b, nu)?;
-            by_shape(block, formulation, &user, Uniform(MooneyRivlinDyna { a, b, nu }))?
+            young_and_poisson(&user, a + b, *nu)?;
+            Law::MooneyRivlinDyna(MooneyRivlinDyna { a: *a, b: *b, nu: *nu })
         }
         LawSpec::StableNeoHookean { young, nu } => {
-            young_and_poisson(&user, young, nu)?;
-            by_shape(block, formulation, &user, Uniform(StableNeoHookean::from_young(young, nu)))?
+            young_and_poisson(&user, *young, *nu)?;
+            check(&user, "Poisson's ratio", *nu, *nu >= 0.0, "at least 0 for this law")?;
+            Law::StableNeoHookean(StableNeoHookean::from_young(*young, *nu))
         }
         LawSpec::StVenantKirchhoff { young, nu } => {
-            young_and_poisson(&user, young, nu)?;
-            by_shape(block, formulation, &user, Uniform(StVenantKirchhoff::from_young(young, nu)))?
+            young_and_poisson(&user, *young, *nu)?;
+            Law::StVenantKirchhoff(StVenantKirchhoff::from_young(*young, *nu))
         }
         LawSpec::LinearElastic { young, nu } => {
-            young_and_poisson(&user, young, nu)?;
-            by_shape(block, formulation, &user, Uniform(LinearElastic::from_young(young, nu)))?
+            young_and_poisson(&user, *young, *nu)?;
+            Law::LinearElastic(LinearElastic::from_young(*young, *nu))
         }
-        LawSpec::Blemker { g1, g2, bulk, sigma_max, lambda_ofl, fibres, activation } => {
+        LawSpec::Blemker { g1, g2, bulk, sigma_max, lambda_ofl, fibres: along, activation: control } => {
             positive(
                 &user,
-                &[("g1 [Pa]", g1), ("g2 [Pa]", g2), ("bulk [Pa]", bulk), ("lambda_ofl", lambda_ofl)],
+                &[("g1 [Pa]", *g1), ("g2 [Pa]", *g2), ("bulk [Pa]", *bulk), ("lambda_ofl", *lambda_ofl)],
             )?;
-            check(&user, "sigma_max [Pa]", sigma_max, sigma_max >= 0.0, "at least 0")?;
-            let field = BlemkerField {
-                law: Blemker { g1, g2, bulk, sigma_max, lambda_ofl, ..Blemker::muscle() },
-                directions: directions(&user, &fibres, mesh, block)?,
-                activation: activation.map(|a| names.control(&a)),
-            };
-            by_shape(block, formulation, &user, field)?
+            check(&user, "sigma_max [Pa]", *sigma_max, *sigma_max >= 0.0, "at least 0")?;
+            fibres = directions(&user, along, mesh, block)?;
+            activation = control.as_ref().map(|a| names.control(a));
+            let (g1, g2, bulk, sigma_max, lambda_ofl) = (*g1, *g2, *bulk, *sigma_max, *lambda_ofl);
+            let law = Blemker { g1, g2, bulk, sigma_max, lambda_ofl, ..Blemker::muscle() };
+            Law::Blemker(BlemkerFibre { law, a0: Vector3::x() })
         }
     };
-    Ok(Term {
-        name: spec.region.clone(),
-        nodes_per_group: block.kind.n_nodes(),
-        nodes: block.nodes.clone(),
-        couples: true,
-        build,
-    })
+    let field = Field { law, directions: fibres, activation };
+    let build = match block.kind {
+        CellKind::Hex8 => builder(shape::hex8, formulation, field),
+        CellKind::Tet4 => builder(shape::tet4, formulation, field),
+        CellKind::Tet10 => builder(shape::tet10, formulation, field),
+        found => {
+            let (block, needed) = (block.name.clone(), "hexahedra or tetrahedra");
+            return Err(SceneError::Kind { user, block, found, needed });
+        }
+    };
+    let (nodes_per_group, nodes) = (block.kind.n_nodes(), block.nodes.clone());
+    Ok(Term { name: spec.region.clone(), nodes_per_group, nodes, couples: true, build })
 }
 
 fn positive(user: &str, values: &[(&str, f64)]) -> Result<(), SceneError> {
@@ -112,29 +116,10 @@ fn young_and_poisson(user: &str, young: f64, nu: f64) -> Result<(), SceneError> 
     check(user, "Poisson's ratio", nu, nu > -1.0 && nu < 0.5, "above -1 and below 0.5")
 }
 
-fn by_shape<F: Restrict>(
-    block: &CellBlock,
-    f: Formulation,
-    user: &str,
-    field: F,
-) -> Result<Builder, SceneError> {
-    match block.kind {
-        CellKind::Hex8 => Ok(builder(shape::hex8, f, field)),
-        CellKind::Tet4 => Ok(builder(shape::tet4, f, field)),
-        CellKind::Tet10 => Ok(builder(shape::tet10, f, field)),
-        found => Err(SceneError::Kind {
-            user: user.to_string(),
-            block: block.name.clone(),
-            found,
-            needed: "hexahedra or tetrahedra",
-        }),
-    }
-}
-
-fn builder<F: Restrict, const N: usize, const G: usize>(
+fn builder<const N: usize, const G: usize>(
     rule: fn() -> Rule<N, G, 3>,
     formulation: Formulation,
-    field: F,
+    field: Field,
 ) -> Builder {
     Box::new(move |name, points, nodes, cells| {
         let (nodes, _) = nodes.as_chunks::<N>();

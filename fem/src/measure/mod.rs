@@ -1,0 +1,77 @@
+//! Measures: what people want to know of a state. Section forces, reactions, energies, volume, stress, fibre stretch.
+
+mod field;
+mod section;
+
+pub use field::{EffectEnergy, FibreState, SolidField, energies, fibre_states, solid_field, volume};
+pub use section::{Cut, SectionForce, section_force};
+
+use crate::body::Wrench;
+use crate::effect::State;
+use crate::plan::{Load, Motion, Plan};
+
+/// Positions of all nodes of the mesh \[m\] under a load: what measures look at.
+#[derive(Clone, Copy, Debug)]
+pub struct Snapshot<'a> {
+    /// Positions \[m\], 3 per node of the mesh.
+    pub x: &'a [f64],
+    /// The load.
+    pub load: &'a Load,
+}
+
+impl Snapshot<'_> {
+    /// Positions of some nodes.
+    fn gather(&self, nodes: &[u32]) -> Vec<f64> {
+        nodes.iter().flat_map(|&n| self.x[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
+    }
+}
+
+/// ∂Π/∂x \[N\] of all nodes of the mesh, 3 per node: zero at free nodes in equilibrium, the force of the support where
+/// a component is prescribed.
+pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {
+    let mut total = vec![0.0; at.x.len()];
+    for island in &plan.islands {
+        let x = at.gather(&island.nodes);
+        let s = State { x: &x, controls: &at.load.controls };
+        for effect in 0..island.effects.len() {
+            let g = island.effect_gradient(effect, &s);
+            for (&n, g) in island.nodes.iter().zip(g.chunks_exact(3)) {
+                for i in 0..3 {
+                    total[3 * n as usize + i] += g[i];
+                }
+            }
+        }
+    }
+    total
+}
+
+/// Force and moment \[N, N·m, about `about` in m\] that the supports exert on the nodes of `nodes`, by their prescribed
+/// components.
+pub fn support_wrench(plan: &Plan, at: Snapshot, nodes: &[u32], about: [f64; 3]) -> Wrench {
+    let g = nodal_forces(plan, at);
+    let mut wrench = Wrench::default();
+    for &n in nodes {
+        let i = 3 * n as usize;
+        let f = std::array::from_fn(|c| match plan.motion[n as usize][c] {
+            Motion::Free | Motion::Follows(_) => 0.0,
+            _ => g[i + c],
+        });
+        wrench.add(std::array::from_fn(|c| at.x[i + c] - about[c]), f);
+    }
+    wrench
+}
+
+/// Wrench \[N, N·m, about the current place of the body's `about`, m of the mesh\] of the tissue on each body, in the
+/// order of [`Plan::bodies`].
+pub fn body_wrenches(plan: &Plan, at: Snapshot, about: &[[f64; 3]]) -> Vec<Wrench> {
+    let g = nodal_forces(plan, at);
+    let mut wrenches = vec![Wrench::default(); plan.bodies.len()];
+    for (n, motion) in plan.motion.iter().enumerate() {
+        if let Motion::Body(b) = motion[0] {
+            let centre = at.load.poses[b] * nalgebra::Point3::from(about[b]);
+            let arm = std::array::from_fn(|c| at.x[3 * n + c] - centre[c]);
+            wrenches[b].add(arm, std::array::from_fn(|c| -g[3 * n + c]));
+        }
+    }
+    wrenches
+}

@@ -1,0 +1,134 @@
+//! The frame loop: a plan carried along a drive.
+
+use crate::measure::Snapshot;
+use crate::plan::{Load, LoadedIsland, Plan};
+use crate::solve::{Advance, Iteration, Settings, SolveError, Solver};
+use rayon::prelude::*;
+
+/// Loads in time; the way to the first starts at the mesh as read, with all controls at zero and bodies in place.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drive {
+    /// Frames, in the order of time.
+    pub frames: Vec<DriveFrame>,
+}
+
+/// One frame of a drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveFrame {
+    /// Time \[s\], or a pseudo-time.
+    pub time: f64,
+    /// Controls and poses at that time; see [`Plan::load`].
+    pub load: Load,
+}
+
+impl Drive {
+    /// A single frame.
+    pub fn once(load: Load) -> Drive {
+        Drive { frames: vec![DriveFrame { time: 1.0, load }] }
+    }
+}
+
+/// Equilibrium at one frame, or the last good state before it.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Time \[s\] as in the drive.
+    pub time: f64,
+    /// The load of the drive.
+    pub load: Load,
+    /// Positions of all nodes \[m\], 3 per node. Where an island failed its nodes are at its last good state.
+    pub x: Vec<f64>,
+    /// What the solver did, per island.
+    pub islands: Vec<Advance>,
+}
+
+impl Frame {
+    /// What measures look at.
+    pub fn snapshot(&self) -> Snapshot<'_> {
+        Snapshot { x: &self.x, load: &self.load }
+    }
+}
+
+/// All frames, and how the run ended.
+#[derive(Debug, Default)]
+pub struct Run {
+    /// Solved frames.
+    pub frames: Vec<Frame>,
+    /// The frame that was not solved, at its last good state.
+    pub unsolved: Option<Frame>,
+    /// Why it was not solved, per island; empty: the run is solved.
+    pub errors: Vec<SolveError>,
+    /// A row per Newton iteration.
+    pub iterations: Vec<Iteration>,
+}
+
+impl Run {
+    /// Whether every frame is in equilibrium.
+    pub fn is_solved(&self) -> bool {
+        self.errors.is_empty()
+    }
+
+    /// The last solved frame.
+    pub fn last(&self) -> Option<&Frame> {
+        self.frames.last()
+    }
+}
+
+/// Carries a plan along a drive, from the mesh as read or from positions `start` \[m\] of all nodes; stops at the
+/// first frame that is not solved. `on_frame` sees every solved frame as it comes.
+pub fn run(
+    plan: &Plan,
+    drive: &Drive,
+    settings: &Settings,
+    start: Option<&[f64]>,
+    on_frame: &mut dyn FnMut(&Frame),
+) -> Run {
+    let mut out = Run::default();
+    let mut x = start.map_or_else(|| plan.reference(), <[f64]>::to_vec);
+    let mut from = plan.load(&[], &[]).expect("nothing is named");
+    let mut solvers: Vec<Solver> = plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect();
+    for (step, frame) in drive.frames.iter().enumerate() {
+        let jobs: Vec<_> = plan.islands.iter().zip(&mut solvers).collect();
+        let results: Vec<_> = jobs
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(island, solver)| {
+                let local: Vec<f64> = island
+                    .nodes
+                    .iter()
+                    .flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied())
+                    .collect();
+                let mut free = island.free_positions(&local);
+                let mut potential = LoadedIsland::new(island.clone(), from.clone(), frame.load.clone());
+                let mut rows = Vec::new();
+                let result = match free.is_empty() {
+                    true => {
+                        crate::solve::Loading::set_load(&mut potential, 1.0, &mut free);
+                        Ok(Advance::default())
+                    }
+                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
+                };
+                (potential.expand(&free), result, rows)
+            })
+            .collect();
+        let mut islands = Vec::new();
+        for (island, (local, result, rows)) in plan.islands.iter().zip(results) {
+            for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
+                x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
+            }
+            out.iterations.extend(rows);
+            match result {
+                Ok(advance) => islands.push(advance),
+                Err(error) => out.errors.push(error),
+            }
+        }
+        let state = Frame { time: frame.time, load: frame.load.clone(), x: x.clone(), islands };
+        if !out.errors.is_empty() {
+            out.unsolved = Some(state);
+            return out;
+        }
+        on_frame(&state);
+        out.frames.push(state);
+        from = frame.load.clone();
+    }
+    out
+}
