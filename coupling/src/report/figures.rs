@@ -78,7 +78,7 @@ impl View<'_> {
         }
         section(
             "Knee forces",
-            "Compression of the medial and lateral compartment and tension of the ligaments. Stance is shaded.",
+            "Compression of the medial and lateral compartment and tension of the ligaments; a negative MCL stands in for the lateral ligament, which this knee lacks. Stance is shaded.",
             &grid("normal", &figures),
         )
     }
@@ -186,7 +186,7 @@ impl View<'_> {
         figures.push(self.plot("Marker residual, RMS over markers", "mm", vec![line]).render());
         section(
             "Joint angles and marker fit",
-            "Posture of least marker error under the joint constraints.",
+            "Posture of least marker error under the joint constraints. Positive: flexion, adduction, inversion, internal rotation; pelvis: front up, right side down, right side forward.",
             &grid("normal", &figures),
         )
     }
@@ -353,8 +353,8 @@ impl View<'_> {
         let verdicts = &self.report.effort.verdicts;
         let values = |pick: &dyn Fn(&Verdict) -> f64| verdicts.iter().map(pick).collect::<Vec<_>>();
         let line = |name: &str, class, values| Line { name: name.into(), class, time: None, values };
-        let kkt = line("KKT residual", "c1", values(&|v| v.kkt_residual));
-        let equality = line("equality residual", "c2", values(&|v| v.equality_residual));
+        let kkt = line("KKT", "c1", values(&|v| v.kkt_residual));
+        let equality = line("equality", "c2", values(&|v| v.equality_residual));
         let bounds = line("active bounds", "c3", values(&|v| v.active_bounds as f64));
         let residuals = Plot {
             scale: Scale::Log,

@@ -180,8 +180,12 @@ impl View<'_> {
     /// One cell per frame: colour, letter, and the reason in its title.
     fn strip(&self) -> String {
         let marks = self.marks();
-        let mut out =
-            format!("<h3>Verdict per frame</h3>\n<div class=\"strip\" style=\"--n: {}\">", marks.len());
+        // Rows of equal length on a wide screen, where about this many cells fit; the style sheet breaks them further.
+        let rows = marks.len().div_ceil(105).max(1);
+        let mut out = format!(
+            "<h3>Verdict per frame</h3>\n<div class=\"strip\" style=\"--n: {}\">",
+            marks.len().div_ceil(rows)
+        );
         for (i, mark) in marks.iter().enumerate() {
             let (class, letter, words) = mark.look();
             let verdict = &self.report.effort.verdicts[i];

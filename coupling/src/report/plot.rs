@@ -63,7 +63,7 @@ pub enum Scale {
     Fitted,
     /// Linear and including zero.
     FromZero,
-    /// Decades; values below 1e-16 are drawn there.
+    /// Decades; values below 1e-18 are drawn there.
     Log,
 }
 
@@ -117,7 +117,7 @@ struct Vertical {
     ticks: Ticks,
 }
 
-const LOG_FLOOR: f64 = 1e-16;
+const LOG_FLOOR: f64 = 1e-18;
 /// Beyond this the extent of an axis would overflow.
 const LARGEST: f64 = 1e300;
 
