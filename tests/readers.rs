@@ -214,10 +214,10 @@ fn analog_samples_start_with_the_first_frame() {
 #[test]
 fn c3d_survives_every_byte_order_and_storage() {
     for order in [Order::Intel, Order::Dec, Order::Mips] {
-        for real in [true, false] {
-            let file = C3dFile { order, real, ..C3dFile::default() };
+        for (real, unsigned) in [(true, false), (false, false), (false, true)] {
+            let file = C3dFile { order, real, unsigned, ..C3dFile::default() };
             let c = c3d::parse(Path::new("small.c3d"), &file.bytes()).unwrap();
-            let what = format!("{order:?}, real: {real}");
+            let what = format!("{order:?}, real: {real}, unsigned: {unsigned}");
             assert_eq!(c.markers.names, ["A", "B"], "{what}");
             assert_eq!(
                 (c.markers.first_frame, c.markers.rate_hz, c.markers.time.len()),
@@ -252,6 +252,22 @@ fn c3d_survives_every_byte_order_and_storage() {
             assert_eq!(c.plates.len(), 1, "{what}");
         }
     }
+}
+
+#[test]
+fn c3d_counts_frames_beyond_16_bits() {
+    let n = 70_000;
+    let file = C3dFile {
+        real: false,
+        names: vec!["A".into()],
+        points: vec![(0..n).map(|i| Some([(i % 100) as f64, 0.0, 1.0])).collect()],
+        channels: vec![vec![0.0; n]; 6],
+        samples: 1,
+        ..C3dFile::default()
+    };
+    let c = c3d::parse(Path::new("long.c3d"), &file.bytes()).unwrap();
+    assert_eq!((c.markers.first_frame, c.markers.time.len(), c.analog.time.len()), (5, n, n));
+    assert!((c.markers.position[0][n - 1].unwrap().x - 0.099).abs() < 1e-8); // the scale is in single precision
 }
 
 #[test]
@@ -605,6 +621,12 @@ fn check_says_what_a_file_holds() {
         t.contains("2 markers in 3 frames") && t.contains("B 1 frames") && t.contains("zeros_missing"),
         "{t}"
     );
+    let k = write("k.csv", b"Time(sec),PM,AM,AL,PL,GON,GRFz\n0.5,10,20,30,40,0,0\n1.5,10,20,30,40,0,0\n");
+    assert!(k.contains("Measured knee forces") && k.contains("2 rows"), "{k}");
+    let subject =
+        std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/subjects/DM.csv")).unwrap();
+    let l = write("DM.csv", &subject);
+    assert!(l.contains("Table of landmarks") && l.contains("pelvis 8"), "{l}");
     let s = write("a.mot", storage().as_bytes());
     assert!(s.contains("2 columns besides time, 3 rows") && s.contains("knee 10.0000 to 50.0000"), "{s}");
 }

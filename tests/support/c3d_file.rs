@@ -22,6 +22,8 @@ pub struct C3dFile {
     pub rate: f32,
     /// Analog samples per frame.
     pub samples: usize,
+    /// Integer analog samples run from 0 to 65535 with the zero in the middle.
+    pub unsigned: bool,
     /// Number of the first frame.
     pub first_frame: u16,
     /// Unit of the points.
@@ -51,6 +53,7 @@ impl Default for C3dFile {
             real: true,
             rate: 100.0,
             samples: 2,
+            unsigned: false,
             first_frame: 5,
             unit: "mm",
             names: vec!["A".into(), "B".into()],
@@ -63,7 +66,11 @@ impl Default for C3dFile {
 }
 
 impl C3dFile {
-    /// Value of one integer step of each analog channel of a plate.
+    /// ANALOG:GEN_SCALE.
+    const GENERAL_SCALE: f64 = 0.5;
+    /// ANALOG:OFFSET of the channels of a plate.
+    const ANALOG_OFFSETS: [i16; 6] = [3, 0, -20, 7, 0, 1];
+    /// Value of one integer step of each analog channel of a plate, both scales together.
     pub const ANALOG_SCALES: [f64; 6] = [0.05, 0.05, 0.1, 5.0, 5.0, 5.0];
     /// Value of one integer step of a point \[unit\].
     pub const POINT_SCALE: f64 = 0.01;
@@ -96,7 +103,7 @@ impl C3dFile {
             self.points.len() as u16,
             (n_channels * self.samples) as u16,
             self.first_frame,
-            self.first_frame + n_frames as u16 - 1,
+            (self.first_frame as usize + n_frames - 1).min(0xffff) as u16,
             0,
         ] {
             out.extend(self.u16(word));
@@ -121,17 +128,23 @@ impl C3dFile {
             }
             for sample in 0..self.samples {
                 for (k, channel) in self.channels.iter().enumerate() {
-                    let steps = channel[frame * self.samples + sample] / Self::ANALOG_SCALES[k % 6];
+                    let value = channel[frame * self.samples + sample];
+                    let steps = value / Self::ANALOG_SCALES[k % 6] + self.offset(k) as f64;
                     if self.real {
                         out.extend(self.f32(steps));
                     } else {
-                        out.extend(self.u16(steps.round() as i16 as u16));
+                        out.extend(self.u16(steps.round() as i64 as u16));
                     }
                 }
             }
         }
         out.resize(out.len().div_ceil(512) * 512, 0);
         out
+    }
+
+    /// Number that is stored for zero.
+    fn offset(&self, channel: usize) -> i64 {
+        Self::ANALOG_OFFSETS[channel % 6] as i64 + if self.unsigned { 32768 } else { 0 }
     }
 
     fn point(&self, out: &mut Vec<u8>, place: Option<[f64; 3]>) {
@@ -158,7 +171,12 @@ impl C3dFile {
             .collect();
         let units: Vec<String> =
             (0..n_channels).map(|k| if k % 6 < 3 { "N" } else { "Nmm" }.to_string()).collect();
-        let scales: Vec<f64> = (0..n_channels).map(|k| Self::ANALOG_SCALES[k % 6]).collect();
+        let scales: Vec<f64> =
+            (0..n_channels).map(|k| Self::ANALOG_SCALES[k % 6] / Self::GENERAL_SCALE).collect();
+        let offsets: Vec<u16> = (0..n_channels).map(|k| self.offset(k) as u16).collect();
+        let format = if self.unsigned { "UNSIGNED" } else { "SIGNED" };
+        let (first, last) = (self.first_frame as usize, self.first_frame as usize + n_frames - 1);
+        let long = |frame: usize| words(&[frame as u16, (frame >> 16) as u16]);
         let corners: Vec<f64> = self.corners.iter().flatten().flatten().copied().collect();
         let origins: Vec<f64> = (0..n_plates).flat_map(|_| self.plate_origin).collect();
         let n = |v: usize| v as u8;
@@ -176,7 +194,7 @@ impl C3dFile {
             "POINT",
             vec![
                 ("USED", 2, vec![], words(&[self.points.len() as u16])),
-                ("FRAMES", 2, vec![], words(&[n_frames as u16])),
+                ("FRAMES", 2, vec![], words(&[n_frames.min(0xffff) as u16])),
                 ("DATA_START", 2, vec![], words(&[(Self::DATA_START / 512 + 1) as u16])),
                 ("SCALE", 4, vec![], reals(&[scale])),
                 ("RATE", 4, vec![], reals(&[self.rate as f64])),
@@ -189,10 +207,11 @@ impl C3dFile {
             "ANALOG",
             vec![
                 ("USED", 2, vec![], words(&[n_channels as u16])),
-                ("GEN_SCALE", 4, vec![], reals(&[1.0])),
+                ("GEN_SCALE", 4, vec![], reals(&[Self::GENERAL_SCALE])),
                 ("RATE", 4, vec![], reals(&[self.rate as f64 * self.samples as f64])),
                 ("SCALE", 4, vec![n(n_channels)], reals(&scales)),
-                ("OFFSET", 2, vec![n(n_channels)], words(&vec![0; n_channels])),
+                ("OFFSET", 2, vec![n(n_channels)], words(&offsets)),
+                ("FORMAT", -1, vec![n(format.len())], format.as_bytes().to_vec()),
                 ("UNITS", -1, vec![4, n(n_channels)], texts(&units, 4)),
                 ("LABELS", -1, vec![8, n(n_channels)], texts(&labels, 8)),
             ],
@@ -206,6 +225,14 @@ impl C3dFile {
                 ("CORNERS", 4, vec![3, 4, n(n_plates)], reals(&corners)),
                 ("ORIGIN", 4, vec![3, n(n_plates)], reals(&origins)),
                 ("CHANNEL", 2, vec![6, n(n_plates)], words(&(1..=6 * n_plates as u16).collect::<Vec<_>>())),
+            ],
+        );
+        group(
+            4,
+            "TRIAL",
+            vec![
+                ("ACTUAL_START_FIELD", 2, vec![2], long(first)),
+                ("ACTUAL_END_FIELD", 2, vec![2], long(last)),
             ],
         );
         for (id, name, array) in section {

@@ -2,9 +2,12 @@
 
 use std::path::Path;
 
-use super::{MarkerRecording, TimeSeries, c3d, ending, read_series, read_trc};
+use super::{
+    MarkerRecording, TimeSeries, c3d, decode, ending, file_bytes, read_knee_forces, read_series, read_trc,
+};
 use crate::error::InputError;
-use crate::trial_file::{Landmarks, TrialFile};
+use crate::natural::SegmentId;
+use crate::trial_file::{Landmarks, TrialFile, read_landmarks};
 
 /// Reads a file of any kind that the program takes and says what it holds.
 ///
@@ -44,12 +47,38 @@ pub fn check(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
         "trc" => Ok(format!("TRC file. {}", markers(&read_trc(path)?))),
         "sto" | "mot" => Ok(format!("Storage file. {}", series(&read_series(path)?))),
         "toml" => trial(path, data),
-        "csv" => Ok(format!("Table. {}", series(&read_series(path)?))),
+        "csv" => table(path),
         _ => Err(InputError::UnknownKind {
             file: path.to_path_buf(),
             wanted: ".c3d, .trc, .sto, .mot, .csv, .toml",
         }),
     }
+}
+
+/// A CSV file is told by its first column.
+fn table(path: &Path) -> Result<String, InputError> {
+    let bytes = file_bytes(path)?;
+    let text = decode(path, &bytes)?;
+    if text.starts_with("Time(sec)") || text.starts_with("time_s,medial_N") {
+        let forces = read_knee_forces(path)?;
+        let peak = |v: &[f64]| v.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        return Ok(format!(
+            "Measured knee forces. {} rows, {:.4} to {:.4} s, up to {:.0} N medial and {:.0} N lateral.",
+            forces.time.len(),
+            forces.time[0],
+            forces.time[forces.time.len() - 1],
+            peak(&forces.medial),
+            peak(&forces.lateral)
+        ));
+    }
+    if text.starts_with("item,") {
+        let items = read_landmarks(path)?;
+        let count =
+            |s: SegmentId| format!("{} {}", s.name(), items.iter().filter(|i| i.segment == s).count());
+        let counts: Vec<String> = SegmentId::ALL.map(count).into();
+        return Ok(format!("Table of landmarks. Items per segment: {}.", counts.join(", ")));
+    }
+    Ok(format!("Table. {}", series(&read_series(path)?)))
 }
 
 fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::load::{Recorded, mirror};
 use super::{HipCentre, HipRule, LandmarkEntry, Source, TrialFile, doubts};
-use crate::calibration::table::{self, TableItem};
+use crate::calibration::table::{self, TableError, TableItem};
 use crate::error::{InputError, Place, nearest};
 use crate::natural::SegmentId;
 use crate::read::{decode, file_bytes};
@@ -197,13 +197,7 @@ impl TrialFile {
         data: Option<&Path>,
     ) -> Result<(Vec<TableItem>, HashMap<String, String>), InputError> {
         let path = self.find_table(self.landmarks.table.as_deref().unwrap_or(Path::new("")), data)?;
-        let bytes = file_bytes(&path)?;
-        let items = table::read(decode(&path, &bytes)?).map_err(|e| InputError::Malformed {
-            file: path.clone(),
-            at: Place::Whole,
-            problem: e.to_string(),
-            remedy: "correct the table".to_string(),
-        })?;
+        let items = read_landmarks(&path)?;
         for (item, marker) in &self.landmarks.rename {
             let Some(row) = items.iter().find(|i| i.item == *item) else {
                 return Err(InputError::UnknownName {
@@ -364,4 +358,21 @@ fn other_side(item: &str) -> String {
     } else {
         item.to_string()
     }
+}
+
+/// Reads a table of landmarks.
+pub fn read_landmarks(path: &Path) -> Result<Vec<TableItem>, InputError> {
+    let bytes = file_bytes(path)?;
+    table::read(decode(path, &bytes)?).map_err(|e| {
+        let (at, problem) = match e {
+            TableError::Row { line, what } => (Place::Line(line as usize), what),
+            other => (Place::Whole, other.to_string()),
+        };
+        InputError::Malformed {
+            file: path.to_path_buf(),
+            at,
+            problem,
+            remedy: "correct the table".to_string(),
+        }
+    })
 }

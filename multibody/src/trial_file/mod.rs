@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 pub use axes::{Axes, SignedAxis};
-pub use landmarks::{LandmarkSpec, Landmarks, Roles};
+pub use landmarks::{LandmarkSpec, Landmarks, Roles, read_landmarks};
 
 use crate::error::InputError;
 use crate::natural::SegmentId;
