@@ -1,6 +1,7 @@
 //! Helpers shared by the tests of the workspace.
 
 pub mod c3d_file;
+pub mod fem_scenes;
 pub mod goldfarb_idnani;
 pub mod sharing_cases;
 pub mod sharing_problems;

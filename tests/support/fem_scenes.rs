@@ -1,0 +1,97 @@
+//! Small scenes of the finite-element side, shared by its tests.
+
+use fem::mesh::{Mesh, generate};
+use fem::plan::Plan;
+use fem::run::{Drive, Frame, run};
+use fem::scene::{FibreDirection, FormulationSpec, LawSpec, PrescribedSpec, Scene, SolidSpec};
+use fem::solve::Settings;
+
+/// Every solid law with constants of soft tissue, moderately compressible.
+pub fn laws() -> Vec<(&'static str, LawSpec)> {
+    let (young, nu) = (22e3, 0.45);
+    vec![
+        ("neo-Hookean", LawSpec::NeoHookean { young, nu }),
+        ("uncoupled neo-Hookean", LawSpec::NeoHookeanUncoupled { mu: 7.5e3, bulk: 75e3 }),
+        ("Mooney-Rivlin", mooney_rivlin()),
+        ("Mooney-Rivlin, LS-DYNA", LawSpec::MooneyRivlinDyna { a: 3e3, b: 0.75e3, nu }),
+        ("stable neo-Hookean", LawSpec::StableNeoHookean { young, nu }),
+        ("St. Venant-Kirchhoff", LawSpec::StVenantKirchhoff { young, nu: 0.3 }),
+        ("linear elastic", LawSpec::LinearElastic { young, nu }),
+        (
+            "Blemker",
+            LawSpec::Blemker {
+                g1: 5e3,
+                g2: 5e3,
+                bulk: 1e5,
+                sigma_max: 3e5,
+                lambda_ofl: 1.1,
+                fibres: FibreDirection::Uniform([1.0, 1.0, 0.5]),
+                activation: None,
+            },
+        ),
+    ]
+}
+
+/// The muscle matrix of the benchmarks, C₁₀ = 3 kPa, C₀₁ = 0.75 kPa, K = 747.5 kPa (ν = 0.495).
+pub fn mooney_rivlin() -> LawSpec {
+    LawSpec::MooneyRivlin { c10: 3e3, c01: 0.75e3, bulk: 747.5e3 }
+}
+
+/// A solid region.
+pub fn solid(region: &str, law: LawSpec, formulation: Option<FormulationSpec>) -> SolidSpec {
+    SolidSpec { region: region.to_string(), law, formulation, density: 1060.0 }
+}
+
+/// Adds the set `boundary` of all nodes on the faces of a [`generate::block`].
+pub fn name_boundary(mesh: &mut Mesh) {
+    let mut all = Vec::new();
+    for (name, nodes) in &mesh.node_sets {
+        if name.ends_with("_min") || name.ends_with("_max") {
+            all.extend(nodes);
+        }
+    }
+    all.sort_unstable();
+    all.dedup();
+    mesh.node_sets.insert("boundary".to_string(), all);
+}
+
+/// A box of side 1 m with `n` cells along each side, inner nodes moved by up to 15 % of an edge; `boundary` named.
+pub fn distorted_box(n: usize) -> Mesh {
+    let mut mesh = generate::block([n; 3], [1.0; 3]);
+    generate::distort(&mut mesh, 0.15, 7);
+    name_boundary(&mut mesh);
+    mesh
+}
+
+/// Displaces the nodes of a set by `field` of their reference position, scaled by the control `load`.
+pub fn displaced(mesh: &Mesh, set: &str, field: impl Fn([f64; 3]) -> [f64; 3]) -> PrescribedSpec {
+    PrescribedSpec {
+        nodes: set.to_string(),
+        components: [true; 3],
+        displacement: mesh.node_sets[set].iter().map(|&n| field(mesh.points[n as usize])).collect(),
+        control: Some("load".to_string()),
+    }
+}
+
+/// Holds some components of a set.
+pub fn held(set: &str, components: [bool; 3]) -> PrescribedSpec {
+    PrescribedSpec { nodes: set.to_string(), components, displacement: vec![], control: None }
+}
+
+/// Plan of a scene; panics with the mistake.
+pub fn plan(scene: &Scene, mesh: &Mesh) -> Plan {
+    Plan::new(scene, mesh.clone()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Solver settings with a relative residual.
+pub fn tolerance(tolerance: f64) -> Settings {
+    Settings { tolerance, ..Settings::default() }
+}
+
+/// The equilibrium under some controls; panics with the reason where there is none.
+pub fn solve(plan: &Plan, controls: &[(&str, f64)], settings: &Settings) -> Frame {
+    let drive = Drive::once(plan.load(controls, &[]).unwrap_or_else(|e| panic!("{e}")));
+    let mut run = run(plan, &drive, settings, None, &mut |_| {});
+    assert!(run.is_solved(), "{}", run.errors[0]);
+    run.frames.pop().expect("one frame")
+}
