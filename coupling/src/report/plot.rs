@@ -188,6 +188,12 @@ impl Plot<'_> {
         let (mut lo, mut hi) = range.unwrap_or((0.0, 1.0));
         if self.scale == Scale::FromZero {
             (lo, hi) = (lo.min(0.0), hi.max(0.0));
+            // Less than a pixel beyond zero, e.g. the round-off of a bound at zero, does not open the other side.
+            if -lo < 2e-3 * hi {
+                lo = 0.0;
+            } else if hi < -2e-3 * lo {
+                hi = 0.0;
+            }
         }
         if let Some((bound, _)) = self.bound.filter(|&(v, _)| v <= 2.0 * hi) {
             hi = hi.max(bound * 1.02);
@@ -403,5 +409,36 @@ impl Vertical {
     fn height_of(&self, value: f64, frame: &Frame) -> f64 {
         let value = if self.log { value.max(LOG_FLOOR).log10() } else { value };
         frame.bottom - (value - self.lo) / (self.hi - self.lo) * (frame.bottom - frame.top)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn range(values: Vec<f64>) -> (f64, f64) {
+        let axis = TimeAxis { time: vec![0.0, 1.0], cycle: None, stance: vec![] };
+        let line = Line { name: "f".into(), class: "c1", time: None, values };
+        let plot = Plot {
+            title: String::new(),
+            note: String::new(),
+            unit: "N",
+            axis: &axis,
+            lines: vec![line],
+            size: Size::Normal,
+            scale: Scale::FromZero,
+            right: None,
+            bound: None,
+        };
+        let vertical = plot.vertical();
+        (vertical.lo, vertical.hi)
+    }
+
+    #[test]
+    fn scales_hold_the_values_and_round_off_opens_no_other_side() {
+        assert_eq!(range(vec![-1e-13, 1657.0]), (0.0, 1750.0));
+        assert_eq!(range(vec![1e-13, -80.0]), (-80.0, 0.0));
+        assert_eq!(range(vec![-30.0, 1657.0]), (-250.0, 1750.0));
+        assert_eq!(range(vec![0.0, 0.0]), (0.0, 1.0));
     }
 }
