@@ -44,10 +44,10 @@ pub struct OptimizeArguments {
     #[arg(long)]
     unbounded: bool,
     /// Reserve moments on every joint coordinate, with this weight of their squares in 1/(N·m)². They are reported.
-    #[arg(long, value_name = "WEIGHT")]
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     reserves: Option<f64>,
     /// Where a frame is infeasible, raise all strengths together by up to this factor and report it.
-    #[arg(long, value_name = "FACTOR")]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     raise_bounds: Option<f64>,
     /// Muscle curves for activations.
     #[arg(long, value_enum, default_value = "thelen")]
