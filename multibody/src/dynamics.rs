@@ -34,9 +34,11 @@ impl GroundLoad {
         Vector3::new(self.moment.z / self.force.y, 0.0, -self.moment.x / self.force.y)
     }
 
-    /// Moment about the centre of pressure \[N·m\]; only its Y component is not zero.
+    /// Moment about the centre of pressure \[N·m\]: its Y component; what is below round-off of the moment is zero.
     pub fn free_moment(&self) -> Vector3<f64> {
-        self.moment - self.centre_of_pressure().cross(&self.force)
+        let free = self.moment - self.centre_of_pressure().cross(&self.force);
+        let y = if free.y.abs() > 1e-12 * self.moment.norm() { free.y } else { 0.0 };
+        if self.force.y == 0.0 { Vector3::zeros() } else { Vector3::new(0.0, y, 0.0) }
     }
 }
 
