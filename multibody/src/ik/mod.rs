@@ -8,9 +8,10 @@
 
 #![allow(non_snake_case)]
 
+mod elimination;
 mod newton;
 
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{DVector, Matrix3, SVector, Vector3};
 use rayon::prelude::*;
 
 use crate::joint::Equation;
@@ -34,6 +35,8 @@ const OUTLIER_MARGIN: f64 = 2e-3;
 pub struct FittedFrame {
     /// Natural coordinates.
     pub Q: Coordinates,
+    /// Multipliers of the joint equations, in the order of `Model::equations`.
+    pub multipliers: DVector<f64>,
     /// How well.
     pub verdict: FitVerdict,
 }
@@ -85,7 +88,7 @@ fn refit_outliers(
                 .iter()
                 .flat_map(|&approach| candidates.iter().flatten().map(move |s| (s, approach)));
             let best = fits
-                .filter_map(|(start, approach)| solver.fit(&targets, start, approach).ok())
+                .filter_map(|(start, approach)| solver.fit(&targets, start, None, approach).ok())
                 .min_by(|a, b| a.verdict.marker_rms.total_cmp(&b.verdict.marker_rms))?;
             Some((k, best))
         })
@@ -113,7 +116,7 @@ fn fit_chunk(
     frames: std::ops::Range<usize>,
 ) -> Vec<Result<FittedFrame, FitVerdict>> {
     let mut solver = Solver::new(model);
-    let mut previous: Option<Coordinates> = None;
+    let (mut previous, mut before): (Option<FittedFrame>, Option<FittedFrame>) = (None, None);
     let mut results = Vec::with_capacity(frames.len());
     for frame in frames {
         let targets = targets(model, trial, frame);
@@ -121,26 +124,38 @@ fn fit_chunk(
             let distance = |k: &usize| k.abs_diff(frame);
             (0..starts.len()).filter(|&k| starts[k].is_some()).min_by_key(distance).and_then(|k| starts[k])
         };
-        let result = best_fit(&mut solver, &targets, [previous, starts[frame], nearest()], starts[frame]);
-        previous = result.as_ref().ok().map(|f| f.Q);
+        // Two fitted frames predict the next one, posture and multipliers.
+        let predicted = previous.take().map(|last| {
+            let guess = match before.take() {
+                Some(b) => (2.0 * last.Q - b.Q, 2.0 * &last.multipliers - b.multipliers),
+                None => (last.Q, last.multipliers.clone()),
+            };
+            before = Some(last);
+            guess
+        });
+        let result = best_fit(&mut solver, &targets, predicted, [starts[frame], nearest()]);
+        previous = result.as_ref().ok().cloned();
         results.push(result);
     }
     results
 }
 
-/// Fits from one start after the other until a fit does not stray from what the markers alone suggest; if all stray, the
+/// Fits from the prediction, from the marker-based posture and from the nearest one, until a fit does not stray from what the markers alone suggest; if all stray, the
 /// one with the least residual.
 fn best_fit(
     solver: &mut Solver,
     targets: &[Option<Vector3<f64>>],
-    starts: [Option<Coordinates>; 3],
-    suggested: Option<Coordinates>,
+    predicted: Option<(Coordinates, DVector<f64>)>,
+    starts: [Option<Coordinates>; 2],
 ) -> Result<FittedFrame, FitVerdict> {
+    let [suggested, _] = starts;
     let mut best: Option<FittedFrame> = None;
     let mut failure = None;
     for approach in [false, true] {
-        for start in starts.iter().flatten() {
-            match solver.fit(targets, start, approach) {
+        let warm = predicted.iter().map(|(Q, multipliers)| (Q, Some(multipliers)));
+        let cold = starts.iter().flatten().map(|Q| (Q, None));
+        for (start, multipliers) in warm.chain(cold) {
+            match solver.fit(targets, start, multipliers, approach) {
                 Ok(fit) if suggested.is_none_or(|s| !strays(solver.model, &fit.Q, &s)) => return Ok(fit),
                 Ok(fit) => {
                     if best.as_ref().is_none_or(|b| fit.verdict.marker_rms < b.verdict.marker_rms) {
@@ -209,13 +224,16 @@ fn fill_failed(model: &Model, frames: Vec<Result<FittedFrame, FitVerdict>>) -> V
                 };
                 // Fit the model's own markers at the guess: the nearest posture that the joints allow.
                 let targets: Vec<_> = model.markers.iter().map(|m| Some(m.position.at(&guess))).collect();
-                let Q = match guess.iter().all(|v| v.is_finite()).then(|| solver.fit(&targets, &guess, false))
+                let Q = match guess
+                    .iter()
+                    .all(|v| v.is_finite())
+                    .then(|| solver.fit(&targets, &guess, None, false))
                 {
                     Some(Ok(frame)) => frame.Q,
                     _ => guess,
                 };
                 verdict.failure = verdict.failure.map(|f| format!("{f}; {how}"));
-                FittedFrame { Q, verdict }
+                FittedFrame { Q, multipliers: DVector::zeros(model.n_joint_rows()), verdict }
             }
         })
         .collect()

@@ -4,8 +4,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
+use super::elimination::Elimination;
 use super::{FittedFrame, joint_residual, seen_per_segment};
 use crate::anatomy::rotation;
+use crate::joint::Equation;
 use crate::model::Model;
 use crate::natural::{Coordinates, N_BLOCKS, Pose, SegmentId, block};
 use crate::trial::FitVerdict;
@@ -30,7 +32,7 @@ pub(super) struct Solver<'a> {
     m: usize,
     /// Local vectors of the 20 blocks and whether the origin is added.
     local: [(Vector3<f64>, f64); N_BLOCKS],
-    matrix: DMatrix<f64>,
+    matrix: Elimination,
     rhs: DVector<f64>,
 }
 
@@ -48,18 +50,20 @@ impl<'a> Solver<'a> {
     pub(super) fn new(model: &'a Model) -> Self {
         let m = model.n_joint_rows();
         let local = local_blocks(model);
-        Solver { model, m, local, matrix: DMatrix::zeros(30 + m, 30 + m), rhs: DVector::zeros(30 + m) }
+        Solver { model, m, local, matrix: Elimination::new(&order(model)), rhs: DVector::zeros(30 + m) }
     }
 
-    /// `approach`: walk downhill before Newton, for starts outside its basin.
+    /// `multipliers`: those of a neighbouring frame, if any. `approach`: walk downhill before Newton, for starts outside its
+    /// basin.
     pub(super) fn fit(
         &mut self,
         targets: &[Option<Vector3<f64>>],
         start: &Coordinates,
+        multipliers: Option<&DVector<f64>>,
         approach: bool,
     ) -> Result<FittedFrame, FitVerdict> {
         let mut poses = SegmentId::ALL.map(|s| self.model.pose(s, start));
-        let mut lambda = DVector::zeros(self.m);
+        let mut lambda = multipliers.cloned().unwrap_or_else(|| DVector::zeros(self.m));
         let (marker_hessian, marker_load) = self.marker_terms(targets);
         let mut verdict = FitVerdict {
             failure: None,
@@ -94,7 +98,11 @@ impl<'a> Solver<'a> {
         verdict.constraint = self.constraint(&Q);
         verdict.marker_rms = marker_rms(self.model, &Q, targets);
         verdict.failure = self.failure(&verdict, &Q);
-        if verdict.failure.is_some() { Err(verdict) } else { Ok(FittedFrame { Q, verdict }) }
+        if verdict.failure.is_some() {
+            Err(verdict)
+        } else {
+            Ok(FittedFrame { Q, multipliers: lambda, verdict })
+        }
     }
 
     /// Sequential quadratic steps with the positive definite Gauss-Newton Hessian and a line search on the merit
@@ -149,10 +157,7 @@ impl<'a> Solver<'a> {
 
     /// Overwrites `rhs` with the solution; `false` when the matrix is singular.
     fn solve(&mut self) -> bool {
-        let matrix = std::mem::replace(&mut self.matrix, DMatrix::zeros(0, 0));
-        let solved = matrix.lu().solve_mut(&mut self.rhs);
-        self.matrix = DMatrix::zeros(30 + self.m, 30 + self.m);
-        solved
+        self.matrix.solve(&mut self.rhs)
     }
 
     /// Σ n nᵀ over the seen markers, and Σ n r.
@@ -189,7 +194,7 @@ impl<'a> Solver<'a> {
                 - marker_load[i]
         });
         let arms: [Vector3<f64>; N_BLOCKS] = std::array::from_fn(|i| poses[i / 4].R * self.local[i].0);
-        self.matrix.fill(0.0);
+        self.matrix.clear();
         let mut row = 0;
         let mut phi = Vec::with_capacity(self.m);
         for equation in &self.model.equations {
@@ -200,10 +205,12 @@ impl<'a> Solver<'a> {
                 let column = 6 * (b / 4);
                 let turn = arms[b].cross(&d);
                 let origin = self.local[b].1;
+                let r = 30 + row + k;
                 for c in 0..3 {
-                    let r = 30 + row + k;
-                    self.matrix[(r, column + c)] += turn[c];
-                    self.matrix[(r, column + 3 + c)] += origin * d[c];
+                    for (at, value) in [(column + c, turn[c]), (column + 3 + c, origin * d[c])] {
+                        self.matrix.add(r, at, value);
+                        self.matrix.add(at, r, value);
+                    }
                 }
             });
             if exact {
@@ -211,11 +218,6 @@ impl<'a> Solver<'a> {
                 equation.hessian(&mut |i, j, k| S[(i, j)] += multiplier * k);
             }
             row += equation.n_rows();
-        }
-        for r in 30..30 + self.m {
-            for c in 0..30 {
-                self.matrix[(c, r)] = self.matrix[(r, c)];
-            }
         }
         self.rhs.fill(0.0);
         for i in 0..N_BLOCKS {
@@ -242,14 +244,14 @@ impl<'a> Solver<'a> {
             self.rhs[30 + k] = -value;
         }
         if !exact {
-            (0..30).for_each(|k| self.matrix[(k, k)] += APPROACH_DAMPING);
+            (0..30).for_each(|k| self.matrix.add(k, k, APPROACH_DAMPING));
         }
     }
 
     fn add(&mut self, row: usize, column: usize, block: &Matrix3<f64>) {
         for c in 0..3 {
             for r in 0..3 {
-                self.matrix[(row + r, column + c)] += block[(r, c)];
+                self.matrix.add(row + r, column + c, block[(r, c)]);
             }
         }
     }
@@ -324,8 +326,8 @@ impl<'a> Solver<'a> {
     /// Smallest eigenvalue of the Gauss-Newton Hessian of the seen markers on the motions that the joints allow.
     fn least_stiffness(&self) -> f64 {
         // The Newton matrix was assembled last at the solution: [H Cᵀ; C 0].
-        let C = self.matrix.view((30, 0), (self.m, 30)).into_owned();
-        let H = self.matrix.view((0, 0), (30, 30)).into_owned();
+        let C = DMatrix::from_fn(self.m, 30, |r, c| self.matrix.at(30 + r, c));
+        let H = DMatrix::from_fn(30, 30, |r, c| self.matrix.at(r, c));
         let eigen = (C.transpose() * &C).symmetric_eigen();
         let largest = eigen.eigenvalues.max();
         let free: Vec<DVector<f64>> = (0..30)
@@ -338,6 +340,34 @@ impl<'a> Solver<'a> {
         let Z = DMatrix::from_columns(&free);
         (Z.transpose() * H * Z).symmetric_eigenvalues().min()
     }
+}
+
+/// Unknowns along the leg: foot, ankle equations, shank, knee, patella with its equations, thigh, hip, pelvis.
+fn order(model: &Model) -> Vec<usize> {
+    use SegmentId::{Foot, Patella, Pelvis, Shank, Thigh};
+    let twist = |s: SegmentId| 6 * s.index()..6 * s.index() + 6;
+    let first = |contact: &str| {
+        let mut row = 30;
+        for equation in &model.equations {
+            if matches!(equation, Equation::Coincide { contact: c, .. } if *c == contact) {
+                return row;
+            }
+            row += equation.n_rows();
+        }
+        row
+    };
+    let (patella, hip, end) = (first("patella"), first("hip"), 30 + model.n_joint_rows());
+    let knee = patella - 5;
+    twist(Foot)
+        .chain(30..knee)
+        .chain(twist(Shank))
+        .chain(knee..patella)
+        .chain(twist(Patella))
+        .chain(patella..hip)
+        .chain(twist(Thigh))
+        .chain(hip..end)
+        .chain(twist(Pelvis))
+        .collect()
 }
 
 /// Local vectors of the 20 blocks and whether the segment's origin is added.
