@@ -44,7 +44,9 @@ fn main() {
             continue;
         }
         let start = Instant::now();
-        let outcome = (case.run)();
+        // A panic is one failed row, not the end of the table.
+        let outcome =
+            std::panic::catch_unwind(case.run).unwrap_or_else(|_| Err("panicked, see above".into()));
         let seconds = start.elapsed().as_secs_f64();
         let (verdict, text) = match outcome {
             Ok(text) => ("pass", text),

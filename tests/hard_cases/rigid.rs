@@ -5,11 +5,16 @@
 use multibody::muscle::MuscleTendon;
 use multibody::muscle::curves::{Curves, DeGroote2016, Thelen2003};
 use multibody::muscle::hill::{EquilibriumError, activation, equilibrium, tendon_force};
-use support::sharing_cases;
+use support::{motion_cases, sharing_cases};
 
 use crate::{Case, Outcome, Tier};
 
 pub const CASES: &[Case] = &[
+    Case { id: "R1", title: "noise on markers", tier: Tier::Full, run: motion_cases::noise },
+    Case { id: "R2", title: "lost markers", tier: Tier::Quick, run: motion_cases::dropout },
+    Case { id: "R4", title: "gimbal lock", tier: Tier::Quick, run: motion_cases::gimbal_lock },
+    Case { id: "R5", title: "marker out of reach", tier: Tier::Full, run: motion_cases::out_of_reach },
+    Case { id: "R6", title: "knee at full extension", tier: Tier::Full, run: motion_cases::full_extension },
     Case { id: "Q1", title: "infeasible load", tier: Tier::Quick, run: sharing_cases::infeasible_load },
     Case { id: "Q2", title: "redundant copies", tier: Tier::Full, run: sharing_cases::redundant_copies },
     Case {

@@ -3,6 +3,7 @@
 pub mod c3d_file;
 pub mod fem_scenes;
 pub mod goldfarb_idnani;
+pub mod motion_cases;
 pub mod sharing_cases;
 pub mod sharing_problems;
 pub mod walking;
