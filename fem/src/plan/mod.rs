@@ -218,16 +218,25 @@ fn islands(
             }
         }
     }
-    // The island of a group: that of its first free node; groups without any go where their first node is.
-    let root_of = |group: &[u32], parent: &mut Vec<u32>| {
-        let node = group.iter().find(|&&n| n != NO_NODE && is_free(n)).unwrap_or(&group[0]);
-        root(parent, *node)
+    // The island of a group is that of its free nodes; one without any goes with an island that has its nodes among the
+    // prescribed ones.
+    let mut at_prescribed = std::collections::BTreeMap::<u32, u32>::new();
+    for group in terms.iter().flat_map(|t| t.nodes.chunks_exact(t.nodes_per_group)) {
+        if let Some(&free) = group.iter().find(|&&n| n != NO_NODE && is_free(n)) {
+            let root = root(&mut parent, free);
+            for &n in group.iter().filter(|&&n| n != NO_NODE && !is_free(n)) {
+                at_prescribed.entry(n).or_insert(root);
+            }
+        }
+    }
+    let mut root_of = |group: &[u32]| match group.iter().find(|&&n| n != NO_NODE && is_free(n)) {
+        Some(&free) => root(&mut parent, free),
+        None => group.iter().find_map(|n| at_prescribed.get(n)).copied().unwrap_or(group[0]),
     };
     let mut of_root = std::collections::BTreeMap::<u32, Vec<Vec<u32>>>::new();
     for (t, term) in terms.iter().enumerate() {
         for (g, group) in term.nodes.chunks_exact(term.nodes_per_group).enumerate() {
-            let groups =
-                of_root.entry(root_of(group, &mut parent)).or_insert_with(|| vec![vec![]; terms.len()]);
+            let groups = of_root.entry(root_of(group)).or_insert_with(|| vec![vec![]; terms.len()]);
             groups[t].push(g as u32);
         }
     }

@@ -384,6 +384,10 @@ impl Run<'_> {
             moved.copy_from_slice(x);
             potential.set_load(t + share * (target - t), &mut moved);
             potential.gradient(&moved, &mut ahead);
+            if moved == x && ahead == g {
+                potential.set_load(target, x); // nothing moves with the load: no step to predict
+                return Ok(());
+            }
             potential.set_load(t, x);
             let rhs: Vec<f64> = (0..n).map(|i| -g[i] - (ahead[i] - g[i]) / share).collect();
             self.report.assembly_s += start.elapsed().as_secs_f64();
