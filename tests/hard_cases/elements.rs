@@ -11,6 +11,7 @@ use fem::measure::{nodal_forces, volume};
 use fem::mesh::{Mesh, generate};
 use fem::run::{Drive, Run, run};
 use fem::scene::*;
+use fem::solve::Settings;
 use nalgebra::{DMatrix, Isometry3, Point3, UnitQuaternion, Vector3};
 use support::Random;
 use support::fem_scenes::{displaced, distorted_box, held, mooney_rivlin, solid, tolerance};
@@ -23,7 +24,7 @@ pub const CASES: &[Case] = &[
         tier: Tier::Quick,
         run: differences,
     },
-    Case { id: "E3", title: "cube collapsed to a plane, a line, a point", tier: Tier::Quick, run: collapse },
+    Case { id: "E3", title: "cube collapsed to a plane, a line, a point", tier: Tier::Full, run: collapse },
     Case { id: "E4", title: "random start, 100 seeds", tier: Tier::Full, run: random_start },
     Case { id: "E5", title: "all elements turned inside out", tier: Tier::Full, run: inside_out },
     Case { id: "E8", title: "rigid rotation, also as start pose", tier: Tier::Quick, run: rigid_rotation },
@@ -182,7 +183,18 @@ fn recoverable(n: usize) -> (Mesh, Scene) {
 
 /// Iterations and distance from the rest shape \[m\] of a recovery from `start`.
 fn recovery(mesh: &Mesh, scene: &Scene, start: &[f64]) -> Result<(usize, f64, Run), String> {
-    let (plan, run) = solved(scene, mesh, &[], 1e-6, Some(start))?;
+    let plan = planned(scene, mesh)?;
+    let settings = Settings { max_iterations: 100, least_step: 1.0, ..tolerance(1e-6) };
+    let run = run(
+        &plan,
+        &Drive::once(plan.load(&[], &[]).expect("nothing is named")),
+        &settings,
+        Some(start),
+        &mut |_| {},
+    );
+    if let Some(error) = run.errors.first() {
+        return Err(error.to_string());
+    }
     let frame = &run.frames[0];
     let off = frame.x.iter().zip(plan.reference()).map(|(x, X)| (x - X).abs()).fold(0.0, f64::max);
     Ok((frame.islands[0].iterations, off, run))
@@ -357,7 +369,7 @@ fn fibre_limits() -> Outcome {
         let scene = Scene {
             solids: vec![solid("block", mooney_rivlin(), None)],
             fibres: vec![fibres(law, 9e-4 / 16.0)],
-            prescribed: vec![held("x_min", [true; 3]), held("x_max", [true; 3])],
+            prescribed: vec![held("x_min", [true; 3])],
             ..Scene::default()
         };
         let (_, run) = solved(&scene, &mesh, &[("a", 1.0)], 1e-6, None)?;

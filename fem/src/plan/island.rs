@@ -81,10 +81,12 @@ pub struct Island {
     pattern: Arc<Pattern>,
     slots: Vec<Slots>,
     tied: Vec<TiedGroup>,
+    /// Forces \[N\] below which nothing is in play.
+    least_scale: f64,
 }
 
 impl Island {
-    /// Puts an island together; finds the pattern of its stiffness.
+    /// Puts an island together; finds the pattern of its stiffness. `n_controls`: those of the plan.
     pub fn new(
         name: String,
         nodes: Vec<u32>,
@@ -93,6 +95,7 @@ impl Island {
         cells: Vec<Vec<u32>>,
         motion: Vec<[Motion; 3]>,
         pivots: Arc<Vec<[f64; 3]>>,
+        n_controls: usize,
     ) -> Island {
         let unknown = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
         let mut free = vec![PRESCRIBED; nodes.len()];
@@ -134,7 +137,23 @@ impl Island {
             .collect();
         let pattern = Arc::new(Pattern::new(free_nodes.len(), coupled.iter().copied()));
         let slots = effects.iter().zip(&places).map(|(e, p)| pattern.slots(e.nodes_per_group(), p)).collect();
-        Island { name, nodes, X, effects, cells, motion, pivots, free_nodes, fixed, pattern, slots, tied }
+        let rest = State { x: &X, controls: &vec![0.0; n_controls] };
+        let least_scale = effects.iter().map(|e| strain_force(e.as_ref(), &rest)).fold(0.0, f64::max);
+        Island {
+            name,
+            nodes,
+            X,
+            effects,
+            cells,
+            motion,
+            pivots,
+            free_nodes,
+            fixed,
+            pattern,
+            slots,
+            tied,
+            least_scale,
+        }
     }
 
     /// Number of unknowns that are not prescribed.
@@ -194,6 +213,28 @@ impl Island {
         }
         g
     }
+}
+
+/// Norm of the nodal forces \[N\] of an effect under a shear of one millionth, from its first group: a load that strains
+/// less than that does not set the scale of the residual, round-off would.
+fn strain_force(effect: &dyn Effect, rest: &State) -> f64 {
+    if effect.is_linear() || effect.nodes().is_empty() {
+        return 0.0;
+    }
+    let m = effect.nodes_per_group();
+    let mut k = vec![0.0; 9 * m * m];
+    effect.stiffness(rest, false, 0, &mut k);
+    let place = |a: usize| match effect.nodes()[a] {
+        NO_NODE => [0.0; 3],
+        n => std::array::from_fn(|i| rest.x[3 * n as usize + i]),
+    };
+    let shear: Vec<f64> = (0..m).flat_map(|a| [place(a)[1], place(a)[2], place(a)[0]]).collect();
+    let square = k.chunks_exact(3 * m).map(|row| {
+        let f: f64 = row.iter().zip(&shear).map(|(k, u)| k * u).sum();
+        f * f
+    });
+    let n_groups = (effect.nodes().len() / m) as f64;
+    1e-6 * (square.sum::<f64>() * n_groups).sqrt()
 }
 
 const FORCE_BATCH: usize = 64;
@@ -336,14 +377,15 @@ impl Potential for LoadedIsland {
         }
     }
 
-    /// The larger of the reactions of what is prescribed and the forces of any single load, fibre or membrane effect.
+    /// The largest of the reactions of what is prescribed, the forces of any single load, fibre or membrane effect, and
+    /// those of a strain of one millionth.
     fn force_scale(&self, x: &[f64]) -> f64 {
         let island = &self.island;
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         let norm = |g: &[f64]| g.iter().map(|v| v * v).sum::<f64>().sqrt();
         let mut total = vec![0.0; x.len()];
-        let mut scale = 0.0_f64;
+        let mut scale = island.least_scale;
         for (e, effect) in island.effects.iter().enumerate() {
             let g = island.effect_gradient(e, &s);
             if effect.part() != Part::Matrix {

@@ -49,7 +49,7 @@ impl Plan {
         let motion = motion::motions(scene, &mesh, &mut names)?;
         surfaces::check_rims(scene, &mesh, &motion)?;
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
-        let islands = islands(&mesh, &terms, &motion, &pivots)?;
+        let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
         Ok(Plan { mesh, controls, bodies, islands, motion, effects, absent: absent(scene) })
@@ -194,6 +194,7 @@ fn islands(
     terms: &[Term],
     motion: &[[Motion; 3]],
     pivots: &Arc<Vec<[f64; 3]>>,
+    n_controls: usize,
 ) -> Result<Vec<Arc<Island>>, SceneError> {
     let n = mesh.points.len();
     let is_free =
@@ -240,7 +241,10 @@ fn islands(
             groups[t].push(g as u32);
         }
     }
-    of_root.into_values().map(|groups| island(mesh, terms, motion, pivots, groups).map(Arc::new)).collect()
+    of_root
+        .into_values()
+        .map(|groups| island(mesh, terms, motion, pivots, n_controls, groups).map(Arc::new))
+        .collect()
 }
 
 fn root(parent: &mut [u32], mut n: u32) -> u32 {
@@ -257,6 +261,7 @@ fn island(
     terms: &[Term],
     motion: &[[Motion; 3]],
     pivots: &Arc<Vec<[f64; 3]>>,
+    n_controls: usize,
     groups: Vec<Vec<u32>>,
 ) -> Result<Island, SceneError> {
     let members = |t: usize| {
@@ -289,5 +294,5 @@ fn island(
     });
     let (name, motion) = (name.cloned().unwrap_or_default(), motion.collect());
     let X = points.as_flattened().to_vec();
-    Ok(Island::new(name, nodes, X, effects, cells, motion, pivots.clone()))
+    Ok(Island::new(name, nodes, X, effects, cells, motion, pivots.clone(), n_controls))
 }
