@@ -332,6 +332,9 @@ fn notes(done: &Optimized) -> Vec<String> {
     notes
 }
 
+/// Unsolved frames that are spelt out on the terminal.
+const REASONS_SHOWN: usize = 8;
+
 /// The summary in words. A reader that closes the pipe early is no error.
 fn print(
     out: &mut impl Write,
@@ -395,10 +398,18 @@ fn print(
             )?;
         }
     }
-    for (k, verdict) in done.effort.verdicts.iter().enumerate() {
-        if let Some(reason) = &verdict.reason {
-            writeln!(out, "  frame {k} at {:.3} s: {reason}", done.effort.time[k])?;
-        }
+    let reasons: Vec<(usize, &String)> = done
+        .effort
+        .verdicts
+        .iter()
+        .enumerate()
+        .filter_map(|(k, verdict)| Some((k, verdict.reason.as_ref()?)))
+        .collect();
+    for (k, reason) in reasons.iter().take(REASONS_SHOWN) {
+        writeln!(out, "  frame {k} at {:.3} s: {reason}", done.effort.time[*k])?;
+    }
+    if reasons.len() > REASONS_SHOWN {
+        writeln!(out, "  … and {} more frames; see verdicts.csv", reasons.len() - REASONS_SHOWN)?;
     }
     let seconds: f64 = done.stages.iter().map(|s| s.1.as_secs_f64()).sum();
     writeln!(

@@ -392,7 +392,7 @@ impl Panel {
         match name {
             "knee_medial" | "knee_lateral" => Panel::Knee,
             "acl" | "pcl" | "mcl" => Panel::Ligaments,
-            "ticalcaneal" | "calcaneofibular" => Panel::AnkleLigaments,
+            "tibiocalcaneal" | "calcaneofibular" => Panel::AnkleLigaments,
             _ if name.contains("axial") || name.contains("bone") => Panel::Bones,
             _ if name.starts_with("patell") => Panel::Patella,
             _ if name.starts_with("hip") => Panel::Hip,

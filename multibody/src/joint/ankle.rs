@@ -56,7 +56,7 @@ pub fn parallel(table: &JointTable, shank: &Shape, foot: &Shape, neutral: &Matri
             distal: SegmentId::Foot,
             contact: "ankle",
         },
-        ligament("TiCaL", "ticalcaneal"),
+        ligament("TiCaL", "tibiocalcaneal"),
         ligament("CaFiL", "calcaneofibular"),
     ]
 }

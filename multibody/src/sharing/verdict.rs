@@ -199,7 +199,9 @@ pub(super) fn infeasible_reason(
     excess: &[(usize, f64)],
 ) -> String {
     let mut parts = Vec::new();
-    for (k, missing) in missing.iter().enumerate().filter(|(_, m)| m.abs() > tolerance) {
+    // What is a thousandth of the worst would only clutter the sentence; `Verdict::shortfall` has it.
+    let worth_saying = tolerance.max(1e-3 * missing.amax());
+    for (k, missing) in missing.iter().enumerate().filter(|(_, m)| m.abs() > worth_saying) {
         let why = if unactuated.contains(&k) { " (no muscle moves it)" } else { "" };
         parts.push(format!("{} lacks {missing:.3} N·m{why}", names.coordinates[k]));
     }

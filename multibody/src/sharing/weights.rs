@@ -85,7 +85,7 @@ pub const REACTIONS: [Reaction; 21] = [
     Reaction { name: "ankle_x", weight: 1.0, lower: FREE },
     Reaction { name: "ankle_y", weight: 1.0, lower: 0.0 },
     Reaction { name: "ankle_z", weight: 1.0, lower: FREE },
-    Reaction { name: "ticalcaneal", weight: 1.0, lower: 0.0 },
+    Reaction { name: "tibiocalcaneal", weight: 1.0, lower: 0.0 },
     Reaction { name: "calcaneofibular", weight: 1.0, lower: 0.0 },
     Reaction { name: "knee_medial", weight: 2.0, lower: 0.0 },
     Reaction { name: "knee_lateral", weight: 4.0, lower: 0.0 },
