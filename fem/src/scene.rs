@@ -8,6 +8,7 @@
 
 use crate::element::Formulation;
 use crate::material::line::FibreStrain;
+use crate::mesh::LengthUnit;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -17,6 +18,8 @@ use std::path::PathBuf;
 pub struct Scene {
     /// Mesh file, relative to the scene; absent where the mesh comes from the program.
     pub mesh: Option<PathBuf>,
+    /// What a length of 1 in the mesh file means: `m` (default) or `mm`.
+    pub mesh_unit: LengthUnit,
     /// Solid regions.
     pub solids: Vec<SolidSpec>,
     /// Fibres: segments that carry axial force and can be activated.

@@ -22,6 +22,15 @@ pub enum SceneError {
         /// Line, column and what was expected.
         source: Box<toml::de::Error>,
     },
+    /// The mesh cannot be read or computed on.
+    #[error(transparent)]
+    Mesh(#[from] crate::mesh::MeshError),
+    /// A scene file without a mesh.
+    #[error("scene `{path}` names no mesh; add `mesh = \"FILE\"`")]
+    NoMesh {
+        /// The file.
+        path: std::path::PathBuf,
+    },
     /// A name that the mesh or the plan lacks.
     #[error("{user} names the {what} `{name}`, which is missing; nearest: {nearest}")]
     Unknown {

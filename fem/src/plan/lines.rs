@@ -51,7 +51,7 @@ pub fn fibres(
                         law: law(area_of(i, n)?)?,
                     })
                 })
-                .collect::<Result<Vec<_>, _>>()?;
+                .collect::<Result<Vec<_>, SceneError>>()?;
             Ok(term::<2>(&spec.name, activation, segments))
         }
         Course::Embedded(polylines) => {
@@ -97,7 +97,7 @@ pub fn strands(spec: &StrandSpec, mesh: &Mesh) -> Result<Term, SceneError> {
             let length = Strand::slack_length(l_ref, spec.reference_strain);
             Ok(Segment { ends: [vec![(pair[0], 1.0)], vec![(pair[1], 1.0)]], length, law })
         })
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Result<Vec<_>, SceneError>>()?;
     Ok(term::<2>(&spec.region, None, segments))
 }
 

@@ -20,6 +20,7 @@ use crate::mesh::Mesh;
 use crate::scene::{Course, Scene};
 use embed::Embedding;
 use error::nearest;
+use std::path::Path;
 use std::sync::Arc;
 use term::{Names, Term};
 
@@ -44,6 +45,7 @@ pub struct Plan {
 impl Plan {
     /// Compiles a scene over a mesh \[m\].
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Plan, SceneError> {
+        mesh.check()?;
         let mut names = Names::default();
         let terms = terms(scene, &mesh, &mut names)?;
         let motion = motion::motions(scene, &mesh, &mut names)?;
@@ -55,8 +57,18 @@ impl Plan {
         Ok(Plan { mesh, controls, bodies, islands, motion, effects, absent: absent(scene) })
     }
 
+    /// Compiles a scene file over the mesh that it names.
+    pub fn read(path: &Path) -> Result<Plan, SceneError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Read { path: path.to_path_buf(), source })?;
+        let scene = Plan::parse(&text, path)?;
+        let file = scene.mesh.as_ref().ok_or_else(|| SceneError::NoMesh { path: path.to_path_buf() })?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        Plan::new(&scene, Mesh::read(&folder.join(file), scene.mesh_unit)?)
+    }
+
     /// Reads a scene from TOML text; `path` is for messages.
-    pub fn parse(text: &str, path: &std::path::Path) -> Result<Scene, SceneError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Scene, SceneError> {
         toml::from_str(text).map_err(|e| SceneError::Parse { path: path.to_path_buf(), source: Box::new(e) })
     }
 
