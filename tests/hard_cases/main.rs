@@ -6,6 +6,7 @@
 use std::time::Instant;
 
 mod elements;
+mod equilibrium;
 mod fem;
 mod rigid;
 
@@ -37,7 +38,7 @@ fn main() {
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
     let mut failed = 0;
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
-    for case in elements::CASES.iter().chain(fem::CASES).chain(rigid::CASES) {
+    for case in elements::CASES.iter().chain(equilibrium::CASES).chain(fem::CASES).chain(rigid::CASES) {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
             continue;
         }

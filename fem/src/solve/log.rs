@@ -29,7 +29,7 @@ pub struct Iteration {
     pub linear_iterations: usize,
     /// Factorizations done for it.
     pub factorizations: usize,
-    /// Whether the Hessian was projected (positive semi-definite terms).
+    /// Whether the true Hessian was indefinite and a positive definite one took its place.
     pub projected: bool,
     /// Seconds it took.
     pub seconds: f64,

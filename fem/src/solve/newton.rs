@@ -201,6 +201,9 @@ const ARMIJO: f64 = 1e-4;
 const ENERGY_ROUND_OFF: f64 = 1e-11;
 /// While the load is carried over, least det F may fall to this share in one go.
 const DET_F_SHARE: f64 = 0.1;
+/// Share of the projected Hessian tried first, and the least one.
+const FIRST_BLEND: f64 = 0.25;
+const LEAST_BLEND: f64 = 1.0 / 256.0;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
@@ -239,8 +242,8 @@ impl Solver {
             log,
             report: Advance::default(),
             fixed: potential.fixed().to_vec(),
-            projected: 0,
-            patience: 1,
+            definite: false,
+            blend: FIRST_BLEND,
             met_indefinite: false,
         };
         self.prepare(potential, x, &mut run)?;
@@ -312,10 +315,10 @@ struct Run<'a> {
     report: Advance,
     /// Unknowns that are prescribed.
     fixed: Vec<bool>,
-    /// So many of the next Hessians are projected before the true one is tried again.
-    projected: usize,
-    /// How many were projected the last time; doubles with every true one that is indefinite.
-    patience: usize,
+    /// The next Hessian is made definite without a try of the true one.
+    definite: bool,
+    /// Share of the projected Hessian that made the last indefinite one definite.
+    blend: f64,
     /// An indefinite Hessian was met in this load step.
     met_indefinite: bool,
 }
@@ -339,8 +342,8 @@ impl Run<'_> {
         linear: &mut LinearSolver,
         k: &mut BlockMatrix,
     ) -> Result<(), Box<NotConverged>> {
-        self.projected = 0;
-        self.patience = 1;
+        self.definite = false;
+        self.blend = FIRST_BLEND;
         self.met_indefinite = false;
         self.carry_over(potential, x, t, target, linear, k)?;
         let mut kicks = 0;
@@ -470,7 +473,7 @@ impl Run<'_> {
                 // Round-off, not the mechanics, ends the descent a little above the estimate.
                 Err(_) if residual <= 100.0 * round_off(k, x) => return Ok(()),
                 Err(_) if !projected => {
-                    self.projected = 1;
+                    self.definite = true;
                     self.met_indefinite = true;
                     linear.forget();
                     continue;
@@ -481,18 +484,15 @@ impl Run<'_> {
             self.gradient(potential, x, &mut g);
             self.report.assembly_s += assembly.elapsed().as_secs_f64();
             self.report.iterations += 1;
-            self.projected = self.projected.saturating_sub(1);
-            if length == 1.0 && norm(&g) < 0.5 * residual {
-                (self.projected, self.patience) = (0, 1); // close: the true Hessian is worth a try
-            }
             let taken = Taken { step_length: length, linear: report, projected };
             self.record(potential, x, load, iteration, &g, &taken, start);
         }
         Err(self.failure(potential, x, Reason::Iterations, self.settings.max_iterations, &g))
     }
 
-    /// Solves H Δx = rhs with the Hessian at `x`: as it is where it is positive definite, projected otherwise, and at
-    /// last with a multiple of its diagonal added. Returns whether it was projected.
+    /// Solves H Δx = rhs with the Hessian at `x`: as it is where it is positive definite; otherwise moved towards the
+    /// projected one, no farther than needed (projection alone is so stiff that it creeps along valleys and away from
+    /// saddles); at last with a multiple of its diagonal added. Returns whether H is not the true Hessian.
     fn direction(
         &mut self,
         potential: &dyn Loading,
@@ -509,18 +509,32 @@ impl Run<'_> {
             }
         }
         let mut total = LinearReport::default();
-        let mut projected = self.projected > 0;
-        let mut shift = 0.0;
+        let start = Instant::now();
+        potential.hessian(x, false, k);
+        k.constrain(&self.fixed);
+        self.report.assembly_s += start.elapsed().as_secs_f64();
+        let (mut blend, mut shift) = (0.0_f64, 0.0);
+        let mut projected = None;
+        let mut definite = std::mem::take(&mut self.definite);
         loop {
-            let start = Instant::now();
-            potential.hessian(x, projected, k);
-            k.constrain(&self.fixed);
-            if shift > 0.0 {
+            if definite && (projected.is_none() || blend < 1.0) {
+                let next = if projected.is_none() { self.blend } else { (4.0 * blend).min(1.0) };
+                let start = Instant::now();
+                let projected = projected.get_or_insert_with(|| {
+                    let mut p = BlockMatrix::zeros(k.pattern().clone());
+                    potential.hessian(x, true, &mut p);
+                    p.constrain(&self.fixed);
+                    p
+                });
+                k.approach(projected, (next - blend) / (1.0 - blend));
+                self.report.assembly_s += start.elapsed().as_secs_f64();
+                blend = next;
+            } else if definite {
+                shift = if shift == 0.0 { 1e-8 } else { 100.0 * shift };
                 k.shift(shift);
             }
-            self.report.assembly_s += start.elapsed().as_secs_f64();
             let start = Instant::now();
-            let (report, outcome) = linear.solve(k, &rhs, dx, tolerance, projected);
+            let (report, outcome) = linear.solve(k, &rhs, dx, tolerance, blend == 1.0);
             self.report.linear_s += start.elapsed().as_secs_f64() - report.factorization_s;
             self.report.factorization_s += report.factorization_s;
             self.report.factorizations += report.factorizations;
@@ -529,16 +543,17 @@ impl Run<'_> {
             total.factorizations += report.factorizations;
             total.relative_residual = report.relative_residual;
             match outcome {
-                Ok(()) if dot(dx, &rhs) > 0.0 || norm(&rhs) == 0.0 => return Ok((total, projected)),
-                Ok(()) | Err(Indefinite { .. }) if !projected => {
-                    projected = true;
+                Ok(()) if dot(dx, &rhs) > 0.0 || norm(&rhs) == 0.0 => {
+                    if definite {
+                        self.blend = (blend / 4.0).max(LEAST_BLEND);
+                    }
+                    return Ok((total, definite));
+                }
+                _ if !definite => {
+                    definite = true;
                     self.met_indefinite = true;
-                    self.projected = self.patience;
-                    self.patience = (2 * self.patience).min(8);
                 }
-                Ok(()) | Err(Indefinite { .. }) if shift < 1.0 => {
-                    shift = if shift == 0.0 { 1e-8 } else { 100.0 * shift };
-                }
+                _ if shift < 1.0 => {}
                 Ok(()) => return Err(self.failure(potential, x, Reason::NoDescent, 0, &rhs)),
                 Err(Indefinite { unknown }) => {
                     let node = potential.node_name(unknown / 3);
@@ -663,7 +678,7 @@ impl Run<'_> {
             size /= 2.0;
         }
         linear.forget();
-        self.projected = 1;
+        self.definite = true;
     }
 
     /// Gradient with zeros at prescribed unknowns.

@@ -3,8 +3,9 @@
 use super::{BlockMatrix, Pattern};
 use nalgebra::{DMatrix, Matrix6, Vector3};
 
-/// K u below this share of ‖K‖ counts as no resistance: far above round-off, far below any real support.
-const NO_RESISTANCE: f64 = 1e-10;
+/// Sum over the nodes of (|K u| / stiffness of the node / displacement)² that counts as no resistance: a single node
+/// held by a ten-millionth of its own stiffness stands out, round-off does not.
+const NO_RESISTANCE: f64 = 1e-13;
 
 /// A part of the mesh that can move rigidly without any force.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +55,8 @@ fn components(pattern: &Pattern) -> Vec<Vec<usize>> {
     all
 }
 
-/// Rᵀ K R on the six rigid motions R of the part, with a stiff spring on every fixed unknown: its null space.
+/// The rigid motions R of a part whose forces K R are small at every node against the stiffness of that node (not
+/// against the stiffest: tissue beside steel still supports), with a unit spring on every fixed unknown.
 fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Option<FreePart> {
     let at = |i: usize| Vector3::from_column_slice(&x[3 * i..3 * i + 3]);
     let centre = nodes.iter().map(|&i| at(i)).sum::<Vector3<f64>>() / nodes.len() as f64;
@@ -66,7 +68,6 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
     };
     let mut resisted = Matrix6::<f64>::zeros();
     let mut gram = Matrix6::<f64>::zeros();
-    let mut stiffness = 0.0;
     for &i in nodes {
         let u: Vec<Vector3<f64>> = (0..6).map(|m| motion(i, m)).collect();
         let mut force = [Vector3::zeros(); 6];
@@ -77,13 +78,13 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
             }
         }
         let own = (0..3).map(|c| k.diagonal(3 * i + c)).fold(0.0, f64::max);
-        stiffness += own;
+        let own = if own > 0.0 { own } else { 1.0 };
         for m in 0..6 {
             for n in 0..6 {
-                resisted[(m, n)] += u[m].dot(&force[n]);
+                resisted[(m, n)] += force[m].dot(&force[n]) / (own * own);
                 gram[(m, n)] += u[m].dot(&u[n]);
                 for c in (0..3).filter(|c| fixed.get(3 * i + c) == Some(&true)) {
-                    resisted[(m, n)] += own * u[m][c] * u[n][c];
+                    resisted[(m, n)] += u[m][c] * u[n][c];
                 }
             }
         }
@@ -97,8 +98,9 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
     });
     let resisted = basis.transpose() * (resisted + resisted.transpose()) * &basis / 2.0;
     let eigen = resisted.symmetric_eigen();
-    let free: Vec<usize> =
-        (0..moving.len()).filter(|&e| eigen.eigenvalues[e].abs() <= NO_RESISTANCE * stiffness).collect();
+    let free: Vec<usize> = (0..moving.len())
+        .filter(|&e| eigen.eigenvalues[e] <= NO_RESISTANCE * eigen.eigenvalues.max().max(1.0))
+        .collect();
     if free.is_empty() {
         return None;
     }
