@@ -9,8 +9,14 @@ use nalgebra::Vector3;
 /// The solid cells of a mesh that points can be embedded in.
 pub struct Embedding<'a> {
     mesh: &'a Mesh,
-    /// Kind, nodes, bounding box of each cell.
-    cells: Vec<(CellKind, &'a [u32], [[f64; 3]; 2])>,
+    cells: Vec<Cell<'a>>,
+}
+
+struct Cell<'a> {
+    kind: CellKind,
+    nodes: &'a [u32],
+    /// Corners of the bounding box \[m\].
+    bounds: [[f64; 3]; 2],
 }
 
 /// How far outside a cell, in its own coordinates, a point still counts as inside (points on faces).
@@ -32,7 +38,7 @@ impl<'a> Embedding<'a> {
                         bounds[1][i] = bounds[1][i].max(mesh.points[n as usize][i]);
                     }
                 }
-                cells.push((block.kind, nodes, bounds));
+                cells.push(Cell { kind: block.kind, nodes, bounds });
             }
         }
         Embedding { mesh, cells }
@@ -40,7 +46,7 @@ impl<'a> Embedding<'a> {
 
     /// Nodes and weights of the first cell that holds a point \[m\].
     pub fn locate(&self, p: [f64; 3]) -> Option<End> {
-        self.cells.iter().find_map(|(kind, nodes, [low, high])| {
+        self.cells.iter().find_map(|Cell { kind, nodes, bounds: [low, high] }| {
             let near = (0..3).all(|i| {
                 let margin = TOLERANCE * (high[i] - low[i]);
                 p[i] >= low[i] - margin && p[i] <= high[i] + margin
