@@ -2,7 +2,8 @@
 //!
 //! A plane through the reference shape divides the elements by their centroids. The forces of the elements on one
 //! side on the nodes that both sides share are the force between the sides, whatever the mesh; the sum over all effects is
-//! exact by equilibrium, and the parts (matrix, fibre, membrane) add up to it.
+//! exact by equilibrium, and the parts (matrix, fibre, membrane) add up to it. Under gravity a further part is the share of the
+//! weight behind the cut that the mesh puts on the shared nodes: half a layer of cells otherwise missing.
 
 use super::Snapshot;
 use crate::body::Wrench;
@@ -82,6 +83,7 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
         }
     }
     let shared: Vec<usize> = (0..n).filter(|&n| behind[n] && ahead[n]).collect();
+    add_weights(plan, at, cut, chosen, &shared, &mut forces);
     let mut out = SectionForce { n_nodes: shared.len(), ..Default::default() };
     let mut centre = [0.0; 3];
     for &n in &shared {
@@ -102,4 +104,33 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
         out.parts.insert(part, sum.force);
     }
     out
+}
+
+/// Adds the weights of the cells behind the cut on the shared nodes, as forces ∂Π/∂x \[N\] of the part [`Part::Load`].
+fn add_weights(
+    plan: &Plan,
+    at: Snapshot,
+    cut: &Cut,
+    chosen: impl Fn(&str) -> bool,
+    shared: &[usize],
+    forces: &mut BTreeMap<Part, Vec<f64>>,
+) {
+    for w in plan.weights.iter().filter(|w| chosen(&w.region)) {
+        let g = forces.entry(Part::Load).or_insert_with(|| vec![0.0; at.x.len()]);
+        let cells = w.nodes.chunks_exact(w.nodes_per_cell).zip(w.forces.chunks_exact(w.nodes_per_cell));
+        for (nodes, weights) in cells {
+            let sum = |i: usize| nodes.iter().map(|&n| plan.mesh.points[n as usize][i]).sum::<f64>();
+            let centroid = |i: usize| sum(i) / nodes.len() as f64;
+            if (0..3).map(|i| (centroid(i) - cut.point[i]) * cut.normal[i]).sum::<f64>() > 0.0 {
+                continue;
+            }
+            for (&n, f) in
+                nodes.iter().zip(weights).filter(|(n, _)| shared.binary_search(&(**n as usize)).is_ok())
+            {
+                for i in 0..3 {
+                    g[3 * n as usize + i] -= at.load.controls[w.control] * f[i];
+                }
+            }
+        }
+    }
 }

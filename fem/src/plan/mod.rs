@@ -14,6 +14,7 @@ mod term;
 
 pub use error::SceneError;
 pub use island::{Island, Load, LoadedIsland, Motion};
+pub use solids::Weights;
 
 use crate::effect::{DeadLoad, Effect, NO_NODE};
 use crate::mesh::Mesh;
@@ -36,6 +37,8 @@ pub struct Plan {
     pub islands: Vec<Arc<Island>>,
     /// What each component of each node of the mesh does.
     pub motion: Vec<[Motion; 3]>,
+    /// Weight of every solid cell, for cuts; empty without gravity.
+    pub weights: Vec<Weights>,
     /// Name and number of groups (elements, segments, loaded nodes) of each effect.
     pub effects: Vec<(String, usize)>,
     /// Kinds of effects that the scene does not call for.
@@ -47,14 +50,15 @@ impl Plan {
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Plan, SceneError> {
         mesh.check()?;
         let mut names = Names::default();
-        let terms = terms(scene, &mesh, &mut names)?;
+        let weights = weights(scene, &mesh, &mut names)?;
+        let terms = terms(scene, &mesh, &weights, &mut names)?;
         let motion = motion::motions(scene, &mesh, &mut names)?;
         surfaces::check_rims(scene, &mesh, &motion)?;
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
         let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
-        Ok(Plan { mesh, controls, bodies, islands, motion, effects, absent: absent(scene) })
+        Ok(Plan { mesh, controls, bodies, islands, motion, weights, effects, absent: absent(scene) })
     }
 
     /// Compiles a scene file over the mesh that it names.
@@ -128,7 +132,19 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
     .collect()
 }
 
-fn terms(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<Term>, SceneError> {
+/// Weights of all solids; none without gravity.
+fn weights(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<Weights>, SceneError> {
+    let Some(gravity) = &scene.gravity else { return Ok(Vec::new()) };
+    let control = names.control(&gravity.control);
+    scene.solids.iter().map(|spec| solids::weights(spec, mesh, gravity.acceleration, control)).collect()
+}
+
+fn terms(
+    scene: &Scene,
+    mesh: &Mesh,
+    weights: &[Weights],
+    names: &mut Names,
+) -> Result<Vec<Term>, SceneError> {
     let mut terms = Vec::new();
     for spec in &scene.solids {
         terms.push(solids::term(spec, mesh, names)?);
@@ -152,13 +168,15 @@ fn terms(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<Term>, Sce
     for spec in &scene.pressures {
         terms.push(surfaces::pressure(spec, mesh, names)?);
     }
-    if let Some(gravity) = &scene.gravity {
+    if let Some(first) = weights.first() {
         let mut loads = vec![[0.0; 3]; mesh.points.len()];
-        for spec in &scene.solids {
-            solids::add_weights(spec, mesh, gravity.acceleration, &mut loads)?;
+        for (&node, force) in weights.iter().flat_map(|w| w.nodes.iter().zip(&w.forces)) {
+            for i in 0..3 {
+                loads[node as usize][i] += force[i];
+            }
         }
         let loads = (0..).zip(loads).filter(|(_, f)| *f != [0.0; 3]).collect();
-        terms.push(dead_load("gravity", names.control(&gravity.control), loads));
+        terms.push(dead_load("gravity", first.control, loads));
     }
     for spec in &scene.forces {
         for (node, force) in &spec.loads {

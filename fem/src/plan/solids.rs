@@ -170,40 +170,52 @@ fn directions(
     }
 }
 
-/// Adds the weights \[N\] of all cells of a solid under `acceleration` \[m/s²\] to `loads`, one per node of the mesh.
-pub fn add_weights(
+/// Weights of the cells of a solid region, at unit value of the control of gravity.
+pub struct Weights {
+    /// The region.
+    pub region: String,
+    /// Control that scales them.
+    pub control: usize,
+    /// Nodes of each cell.
+    pub nodes_per_cell: usize,
+    /// Nodes of all cells, in the numbering of the mesh.
+    pub nodes: Vec<u32>,
+    /// Share of the weight of a cell \[N\] on each of its nodes: ∫ρ g N_a dV.
+    pub forces: Vec<[f64; 3]>,
+}
+
+/// The weights of all cells of a solid under `acceleration` \[m/s²\].
+pub fn weights(
     spec: &SolidSpec,
     mesh: &Mesh,
     acceleration: [f64; 3],
-    loads: &mut [[f64; 3]],
-) -> Result<(), SceneError> {
+    control: usize,
+) -> Result<Weights, SceneError> {
     let block = cells_of(mesh, &spec.region, &format!("solid `{}`", spec.region))?;
     let force = acceleration.map(|a| a * spec.density);
-    match block.kind {
-        CellKind::Hex8 => weights(&shape::hex8(), block, mesh, force, loads),
-        CellKind::Tet4 => weights(&shape::tet4(), block, mesh, force, loads),
-        CellKind::Tet10 => weights(&shape::tet10(), block, mesh, force, loads),
-        _ => Ok(()),
-    }
+    let forces = match block.kind {
+        CellKind::Hex8 => cell_weights(&shape::hex8(), block, mesh, force)?,
+        CellKind::Tet4 => cell_weights(&shape::tet4(), block, mesh, force)?,
+        CellKind::Tet10 => cell_weights(&shape::tet10(), block, mesh, force)?,
+        _ => vec![[0.0; 3]; block.nodes.len()],
+    };
+    let nodes_per_cell = block.kind.n_nodes();
+    Ok(Weights { region: spec.region.clone(), control, nodes_per_cell, nodes: block.nodes.clone(), forces })
 }
 
-fn weights<const N: usize, const G: usize>(
+fn cell_weights<const N: usize, const G: usize>(
     rule: &Rule<N, G, 3>,
     block: &CellBlock,
     mesh: &Mesh,
     force: [f64; 3],
-    loads: &mut [[f64; 3]],
-) -> Result<(), SceneError> {
+) -> Result<Vec<[f64; 3]>, SceneError> {
+    let mut forces = Vec::with_capacity(block.nodes.len());
     for (cell, nodes) in block.nodes.as_chunks::<N>().0.iter().enumerate() {
         let element = SolidElement::new(rule, &nodes.map(|n| mesh.points[n as usize]))
             .map_err(|det| SceneError::Shape { block: block.name.clone(), cell, det })?;
         let mut share = [[0.0; 3]; N];
         add_weight(&element, &rule.n, force, &mut share);
-        for (&n, f) in nodes.iter().zip(share) {
-            for i in 0..3 {
-                loads[n as usize][i] += f[i];
-            }
-        }
+        forces.extend(share);
     }
-    Ok(())
+    Ok(forces)
 }
