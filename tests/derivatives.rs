@@ -18,13 +18,19 @@ fn least(a: f64, b: f64) -> f64 {
     if b.is_nan() { b } else { a.min(b) }
 }
 
+type MixedFunction<T> = Box<dyn Fn(&Matrix3, f64) -> T>;
+type PlainFunction = Box<dyn Fn(&Matrix3) -> Matrix9>;
+/// Name, effect and reference points.
+type Sample = (&'static str, Box<dyn Effect>, Vec<[f64; 3]>);
+
 /// A law behind plain functions of F and θ, so that all sit in one table.
 struct Law {
     name: &'static str,
-    energy: Box<dyn Fn(&Matrix3, f64) -> f64>,
-    stress: Box<dyn Fn(&Matrix3, f64) -> (Matrix3, f64)>,
-    tangent: Box<dyn Fn(&Matrix3, f64) -> Mixed>,
-    plain: [Box<dyn Fn(&Matrix3) -> Matrix9>; 2],
+    energy: MixedFunction<f64>,
+    stress: MixedFunction<(Matrix3, f64)>,
+    tangent: MixedFunction<Mixed>,
+    /// Energy and stress in the first two columns; tangent.
+    plain: [PlainFunction; 2],
     inverted: bool,
 }
 
@@ -177,7 +183,7 @@ fn line(law: LineLaw) -> Segment {
 }
 
 /// Every effect over eight nodes with its reference points.
-fn effects(random: &mut Random) -> Vec<(&'static str, Box<dyn Effect>, Vec<[f64; 3]>)> {
+fn effects(random: &mut Random) -> Vec<Sample> {
     let X = hexahedron(random);
     let nodes = vec![[0, 1, 2, 3, 4, 5, 6, 7]];
     let mooney = MooneyRivlin { c10: 3.0, c01: 0.75, bulk: 747.5 };

@@ -4,6 +4,7 @@
 
 #![allow(non_snake_case)]
 
+use fem::material::{Material, MooneyRivlin};
 use fem::measure::solid_field;
 use fem::mesh::{Mesh, generate};
 use fem::scene::{FormulationSpec, LawSpec, Scene};
@@ -37,7 +38,7 @@ fn distorted_patches_hold_a_linear_field() {
             let field = |X: [f64; 3]| (A * Vector3::from(X)).into();
             let region = mesh.blocks[0].name.clone();
             let scene = Scene {
-                solids: vec![solid(&region, law, formulation)],
+                solids: vec![solid(&region, law.clone(), formulation)],
                 prescribed: vec![displaced(&mesh, "boundary", field)],
                 ..Scene::default()
             };
@@ -55,6 +56,12 @@ fn distorted_patches_hold_a_linear_field() {
             let J = (Matrix3::identity() + A).determinant();
             let volume = cells.iter().map(|c| (c.volume_ratio - J).abs()).fold(0.0, f64::max);
             println!("{element:<22} {name:<24} position {worst:.1e}, stress spread {spread:.1e}");
+            if let LawSpec::MooneyRivlin { c10, c01, bulk } = law {
+                let F = Matrix3::identity() + A;
+                let exact = MooneyRivlin { c10, c01, bulk }.stress(&F) * F.transpose() / J;
+                let off = (cells[0].cauchy - exact).amax() / exact.amax();
+                assert!(off < 1e-10, "{element}: Cauchy stress is off the law's by {off:.1e}");
+            }
             assert!(worst < 1e-10, "{element}, {name}: off the linear field by {worst:.2e} m");
             assert!(spread < 1e-8, "{element}, {name}: stress differs from cell to cell by {spread:.2e}");
             assert!(volume < 1e-10, "{element}, {name}: volume ratio is off {J} by {volume:.2e}");
