@@ -97,6 +97,11 @@ pub enum Reason {
         /// x, y or z.
         direction: char,
     },
+    /// Round-off of the positions alone makes forces greater than the residual that is wanted.
+    RoundOff {
+        /// These forces \[N\].
+        floor: f64,
+    },
     /// A gradient or energy that is not a number.
     NotFinite,
 }
@@ -110,6 +115,11 @@ impl std::fmt::Display for Reason {
             Reason::Singular { node, direction } => {
                 write!(f, "nothing resists {node} along {direction}; support it or give it stiffness")
             }
+            Reason::RoundOff { floor } => write!(
+                f,
+                "round-off of the positions alone makes forces of {floor:.1e} N; the stiffest parts are too stiff \
+                 beside the softest, or the tolerance is too small"
+            ),
             Reason::NotFinite => write!(f, "forces are not finite numbers"),
         }
     }
@@ -477,6 +487,10 @@ impl Run<'_> {
                     self.met_indefinite = true;
                     linear.forget();
                     continue;
+                }
+                Err(_) if round_off(k, x) > wanted => {
+                    let reason = Reason::RoundOff { floor: round_off(k, x) };
+                    return Err(self.failure(potential, x, reason, iteration, &g));
                 }
                 Err(reason) => return Err(self.failure(potential, x, reason, iteration, &g)),
             };
