@@ -5,7 +5,7 @@
 //! in one load step. `muscles COUNT`: separate bars of 8,000 nodes, 30 × 3 × 3 cm, fixed ends, thermal fibres along every line of
 //! nodes, three times as strong on one side as on the other, activation 0 → 0.5. `RAYON_NUM_THREADS` sets the threads. Peak memory is that of the whole process so far.
 //!
-//! One number to expect: `block 26` (19,683 nodes) takes 7 Newton iterations; no row may take more than 12, and every row must
+//! One number to expect: `block 26` (19,683 nodes) takes 9 Newton iterations; no row may take more than 12, and every row must
 //! reach a residual of 10⁻⁶ of the forces in play, else the example fails.
 
 use fem::material::line::FibreStrain;
