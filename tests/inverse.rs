@@ -6,8 +6,9 @@ use multibody::ik::{FittedFrame, fit};
 use multibody::joint::Equation;
 use multibody::kinematics::coupled_knee;
 use multibody::model::Ankle;
+use multibody::motion::track;
 use multibody::natural::{End, SegmentId};
-use multibody::trial::Trial;
+use multibody::trial::{Filters, Trial};
 use multibody::walker::Knee;
 use nalgebra::Vector3;
 use support::motion_cases::{self, fitted, trial_of};
@@ -102,5 +103,55 @@ fn noise_lost_markers_poles_and_extension_are_survived() {
         motion_cases::full_extension,
     ] {
         println!("{}", case().unwrap());
+    }
+}
+
+#[test]
+fn a_long_gap_does_not_reach_into_the_accelerations_around_it() {
+    let filters = Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 };
+    let (full, model, _) = fitted(Knee::Hinge, Ankle::Universal);
+    let (n, gap) = (full.time.len(), 80..120);
+    let lose = |gap: std::ops::Range<usize>| {
+        let mut trial = full.clone();
+        trial.markers.iter_mut().for_each(|t| t.position[gap.clone()].fill(None));
+        track(&model, &trial, &filters)
+    };
+    let only = |frames: std::ops::Range<usize>| {
+        let mut trial = full.clone();
+        trial.time = trial.time[frames.clone()].to_vec();
+        trial.markers.iter_mut().for_each(|t| t.position = t.position[frames.clone()].to_vec());
+        trial.report = 0..frames.len();
+        track(&model, &trial, &filters)
+    };
+    let long = lose(gap.clone());
+    // As if there were two trials, one before and one after the gap.
+    for frames in [0..gap.start, gap.end..n] {
+        let alone = only(frames.clone());
+        for (k, frame) in frames.enumerate() {
+            assert_eq!(long.fit[frame].failure, None);
+            assert!((long.Qdd[frame] - alone.Qdd[k]).amax() < 1e-5, "frame {frame}");
+        }
+    }
+    assert!(gap.clone().all(|k| long.fit[k].failure.is_some()));
+    // A short gap is bridged: its surroundings keep their accelerations to a few per cent of the largest.
+    let (short, whole) = (lose(80..83), track(&model, &full, &filters));
+    let largest = whole.Qdd.iter().map(|a| a.amax()).fold(0.0, f64::max);
+    for k in (0..80).chain(83..n) {
+        let error = (short.Qdd[k] - whole.Qdd[k]).amax() / largest;
+        assert!(error < 0.05, "frame {k}: {error:.3}");
+    }
+    // Two fitted frames between gaps have no acceleration, and say so.
+    let mut trial = full.clone();
+    for track in &mut trial.markers {
+        track.position[60..90].fill(None);
+        track.position[92..120].fill(None);
+    }
+    let island = track(&model, &trial, &filters);
+    for k in 90..92 {
+        assert!(
+            island.fit[k].failure.as_ref().is_some_and(|f| f.contains("acceleration")),
+            "{:?}",
+            island.fit[k]
+        );
     }
 }

@@ -448,6 +448,29 @@ fn times_that_do_not_meet_are_refused() {
     refused!(error_of(still), InputError::TimeNotIncreasing { at: Place::Line(14), .. }, "walk.sto");
 }
 
+fn is_on_foot(marker: &str) -> bool {
+    let on_foot = |m: &&MarkerTrack| m.segment == multibody::natural::SegmentId::Foot;
+    walker(Knee::Hinge).0.markers.iter().filter(on_foot).any(|m| m.name.replace(' ', "_") == marker)
+}
+
+#[test]
+fn a_step_during_which_the_foot_is_lost_is_named() {
+    // Seen in one frame of swing, or the markers would be missing altogether.
+    let lost = |w: &mut Walking| {
+        for (_, path) in w.markers.iter_mut().filter(|m| is_on_foot(&m.0)) {
+            let seen = path[30];
+            path.fill(None);
+            path[30] = seen;
+        }
+    };
+    refused!(
+        error_of(lost),
+        InputError::WrongForce { .. },
+        "plate 1 is loaded from",
+        "no marker of the right foot"
+    );
+}
+
 #[test]
 fn forces_that_cannot_be_are_refused() {
     let scaled = |factor: f64| error_of(|w| w.plates.iter_mut().flatten().for_each(|(f, _)| *f *= factor));
@@ -566,6 +589,9 @@ fn values_out_of_range_are_named() {
         ("plates = [1]", "plates = []", "`plates` is empty"),
         ("plates = [1]", "plates = [7]", "[[force.columns]]"),
         ("[range]", "[filter]\nmotion_hz = 0\n[range]", "`motion_hz` is 0"),
+        ("[range]", "[filter]\nmotion_hz = 50\n[range]", "below"),
+        ("[range]", "[filter]\nforce_hz = 1000\n[range]", "below"),
+        ("[range]", "[axes]\nx = \"x\"\ny = \"y\"\nz = \"-z\"\n[range]", "line 10: `[axes]` is"),
         ("source = \"table\"", "source = \"functional\"", "without `right_asis`"),
         ("table = \"DM.csv\"\n", "", "without `table`"),
         ("source = \"table\"", "source = \"table\"\nright_asis = \"RASI\"", "does not use it"),
@@ -573,7 +599,11 @@ fn values_out_of_range_are_named() {
         ("source = \"table\"", "source = \"table\"\nhip_centre = \"tabel\"", "`regression`"),
         ("\"thigh superior\" =", "\"thigh superor\" =", "`thigh superior`"),
         ("\"thigh superior\" = \"thigh_superior\"", "\"thigh superior\" = \"heel\"", "on the foot"),
+        // Numbers in the axes of a left leg, and with up taken for down.
+        ("source = \"table\"", "source = \"table\"\nhip_centre = [-0.05, -0.08, -0.09]", "towards the leg"),
+        ("source = \"table\"", "source = \"table\"\nhip_centre = [-0.05, 0.08, 0.09]", "up (-0.2 to 0)"),
         ("\"f1_vy\"", "\"f1_vyy\"", "`f1_vy`"),
+        ("\"f1_vy\"", "\"f1_px\"", "uses that column twice"),
         ("side = \"right\"", "side = \"rigth\"", "`rigth`"),
     ] {
         let error = error_of(|w| {

@@ -208,14 +208,17 @@ fn agreement(measured: &[f64], model: &[f64], weight: f64) -> Agreement {
         sym += (y - mean_y) * (m - mean_m);
         largest = largest.max((m - y).abs());
     }
+    // A constant curve has no variance but that of rounding its mean.
+    let varies = |variance: f64, v: &[f64]| variance > 1e-24 * v.iter().map(|x| x * x).sum::<f64>();
+    let (measured_varies, model_varies) = (varies(syy, measured), varies(smm, model));
     let rmse_N = (sse / n).sqrt();
     let (peak_measured_N, peak_model_N) = (peak(measured), peak(model));
     let peak_error_N = peak_model_N - peak_measured_N;
     Agreement {
         rmse_N,
         rmse_bw: rmse_N / weight,
-        r2: (syy > 0.0).then(|| 1.0 - sse / syy),
-        correlation: (syy > 0.0 && smm > 0.0).then(|| sym / (syy * smm).sqrt()),
+        r2: measured_varies.then(|| 1.0 - sse / syy),
+        correlation: (measured_varies && model_varies).then(|| sym / (syy * smm).sqrt()),
         peak_measured_N,
         peak_model_N,
         peak_error_N,
@@ -276,6 +279,15 @@ mod tests {
         assert_eq!((lateral.r2, lateral.correlation), (None, None));
         assert!(close(lateral.rmse_N, 10.0)); // √(20²/4)
         assert!(close(overlay.total.agreement.peak_error_N, 50.0));
+    }
+
+    #[test]
+    fn a_constant_measurement_has_no_coefficient_of_determination() {
+        // The mean of three times 0.1 is not 0.1.
+        let constant = vec![0.1; 3];
+        assert_ne!(constant.iter().sum::<f64>() / 3.0, 0.1);
+        let found = agreement(&constant, &[1.0, 2.0, 3.0], 700.0);
+        assert_eq!((found.r2, found.correlation), (None, None));
     }
 
     #[test]

@@ -54,6 +54,8 @@ pub struct Case {
     pub landmarks: String,
     /// Rule of the hip centre, for the report.
     pub hip_centre: String,
+    /// Whether the reported frames are a gait cycle, and not a range of times.
+    pub is_cycle: bool,
     /// Quality of a functional calibration.
     pub quality: Option<Quality>,
 }
@@ -96,6 +98,7 @@ impl Case {
                 inputs: Vec::new(),
                 landmarks: "table (built in)".into(),
                 hip_centre: "table".into(),
+                is_cycle: true,
                 quality: None,
             });
         };
@@ -121,14 +124,11 @@ impl Case {
         };
         Ok(Case {
             ankle: options.ankle.unwrap_or(ankle),
-            filters: Filters {
-                motion_hz: file.filter.motion_hz,
-                force_hz: Some(file.filter.force_hz),
-                contact_threshold: file.filter.contact_threshold,
-            },
+            filters: file.filters(),
             inputs: file.inputs(options.data.as_deref())?,
             landmarks: source_name(&spec.source).into(),
             hip_centre: hip_name(&spec.hip_centre),
+            is_cycle: file.range.cycle.is_some(),
             quality,
             trial,
             anatomy,

@@ -105,7 +105,7 @@ impl OptimizeArguments {
     fn options(&self) -> Result<OptimizeOptions, CommandError> {
         let positive = |name: &str, value: Option<f64>, least: f64| match value {
             Some(v) if !(v.is_finite() && v >= least) => {
-                Err(CommandError::Option(format!("--{name} is {v}; give a number of at least {least}")))
+                Err(CommandError::Option(format!("--{name} is {v}; give a number of at least {least:?}")))
             }
             _ => Ok(()),
         };
@@ -171,6 +171,9 @@ impl OptimizeArguments {
         };
         let bounds =
             if self.unbounded { "none (published form)" } else { "maximal isometric forces of gait2392" };
+        let raised = self
+            .raise_bounds
+            .map_or("never".into(), |limit| format!("by up to {limit} where a frame is infeasible"));
         let reserves = self.reserves.map_or("none".into(), |w| format!("weight {w} 1/(N·m)²"));
         let force_hz = case.filters.force_hz.map_or("none".into(), |hz| format!("{hz} Hz"));
         let curves = match self.curves {
@@ -188,6 +191,7 @@ impl OptimizeArguments {
             ("Cost of muscle forces", cost.into()),
             ("Cost of joint forces", joints.into()),
             ("Bounds of muscle forces", bounds.into()),
+            ("Bounds raised", raised),
             ("Reserves", reserves),
             ("Low-pass of velocities and accelerations", format!("{} Hz", word(&case.filters.motion_hz))),
             ("Low-pass of ground reaction", force_hz),
@@ -227,7 +231,7 @@ pub fn run(arguments: &OptimizeArguments) -> Result<Outcome, CommandError> {
         })
         .collect();
     let time = &done.effort.time;
-    let cycle = (time.len() > 1).then(|| [time[0], time[time.len() - 1]]);
+    let cycle = (done.case.is_cycle && time.len() > 1).then(|| [time[0], time[time.len() - 1]]);
     let report = OptimizeReport {
         trial: &done.case.trial,
         motion: &done.motion,

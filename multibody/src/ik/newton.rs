@@ -303,8 +303,13 @@ impl<'a> Solver<'a> {
     fn failure(&self, verdict: &FitVerdict, Q: &Coordinates) -> Option<String> {
         let [foot, shank, _, thigh, pelvis] = verdict.markers_seen;
         let seen = format!("markers seen: pelvis {pelvis}, thigh {thigh}, shank {shank}, foot {foot}");
+        let few = [foot, shank, thigh, pelvis].iter().any(|&n| n < 3);
         if verdict.residual.is_nan() || verdict.residual >= TOLERANCE {
-            return Some(format!("marker fit did not converge (residual {:.1e}); {seen}", verdict.residual));
+            let why = if few { "; some segments show less than three markers" } else { "" };
+            return Some(format!(
+                "marker fit did not converge (residual {:.1e}){why}; {seen}",
+                verdict.residual
+            ));
         }
         let thigh_pose = self.model.pose(SegmentId::Thigh, Q);
         let knee = block(Q, SegmentId::Thigh.block(2));
@@ -316,7 +321,6 @@ impl<'a> Solver<'a> {
                 -1e3 * forward
             ));
         }
-        let few = [foot, shank, thigh, pelvis].iter().any(|&n| n < 3);
         if few && self.least_stiffness() < LEAST_STIFFNESS {
             return Some(format!("the seen markers do not fix the posture; {seen}"));
         }

@@ -2,6 +2,7 @@
 
 #![allow(non_snake_case)]
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -117,6 +118,11 @@ fn from_table(
     };
     let turn = file.force.axes.unwrap_or(file.axes).rotation();
     let PlateColumns { force, point, moment, .. } = names;
+    let mut used = HashSet::new();
+    if let Some(twice) = force.iter().chain(point).chain(moment.iter().flatten()).find(|c| !used.insert(*c)) {
+        let remedy = format!("plate {number} uses that column twice; name another one");
+        return Err(file.bad_value(twice, "repeated", &remedy));
+    }
     let [force, point] = [vectors(file, series, path, force)?, vectors(file, series, path, point)?]
         .map(|v| v.into_iter().map(|v| turn * v).collect::<Vec<_>>());
     let free = match moment {
@@ -236,13 +242,7 @@ pub(super) fn steps(
                     side: side_name(file.subject.side),
                     distance,
                 }),
-                None => Err(no_overlap(
-                    file,
-                    plates,
-                    recording,
-                    plate.time[runs[0].start],
-                    plate.time[runs[0].end - 1],
-                )),
+                None => Err(unseen_foot(file, plates, recording, plate, &runs)),
             };
         }
         for (k, run) in runs.iter().enumerate().filter(|(k, _)| own(&reach[*k])) {
@@ -255,6 +255,37 @@ pub(super) fn steps(
         plates[a.plate].time[a.contact.start].total_cmp(&plates[b.plate].time[b.contact.start])
     });
     Ok(steps)
+}
+
+/// No contact of the plate has a frame with a foot marker: the times differ, or the foot was lost.
+fn unseen_foot(
+    file: &TrialFile,
+    plates: &[PlateSignal],
+    recording: &MarkerRecording,
+    plate: &PlateSignal,
+    runs: &[Range<usize>],
+) -> InputError {
+    let span = |run: &Range<usize>| (plate.time[run.start], plate.time[run.end - 1]);
+    let recorded = |run: &&Range<usize>| {
+        let (start, end) = span(run);
+        recording.time.iter().any(|t| (start..end).contains(t))
+    };
+    match runs.iter().find(recorded) {
+        None => no_overlap(file, plates, recording, span(&runs[0]).0, span(&runs[0]).1),
+        Some(run) => InputError::WrongForce {
+            file: plate.file.clone(),
+            problem: format!(
+                "plate {} is loaded from {:.4} to {:.4} s, but no marker of the {} foot is seen then, so whose step it \
+                 is cannot be told",
+                plate.number,
+                span(run).0,
+                span(run).1,
+                side_name(file.subject.side)
+            ),
+            remedy: "recover the foot markers, or leave this plate out and give `start_s` and `end_s`"
+                .to_string(),
+        },
+    }
 }
 
 /// Median over a contact of the horizontal distance from the centre of pressure to the nearest foot marker \[m\];

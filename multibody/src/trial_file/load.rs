@@ -28,10 +28,14 @@ impl TrialFile {
         doubts::examine(self, &recorded, &markers, &landmarks)?;
         self.compare_with_other_sources(&recorded, &markers, data)?;
 
+        self.check_cut_off("motion_hz", self.filter.motion_hz, recorded.markers.rate_hz)?;
         let plates = force::plates(self, &recorded, data)?;
         let steps = force::steps(self, &plates, &recorded.markers, &markers)?;
         let (start, end) = force::range(self, &plates, &steps, &recorded)?;
         let mut ground = force::ground_reaction(&plates, &steps);
+        let n = ground.time.len();
+        let force_rate = (n - 1) as f64 / (ground.time[n - 1] - ground.time[0]);
+        self.check_cut_off("force_hz", self.filter.force_hz, force_rate)?;
 
         for track in &mut markers {
             fill_gaps(&mut track.position, self.gaps.fill_up_to_frames);
@@ -53,6 +57,15 @@ impl TrialFile {
             markers,
             ground,
         })
+    }
+
+    /// A low-pass needs a cut-off below half the sampling rate.
+    fn check_cut_off(&self, key: &str, cut_off: f64, rate: f64) -> Result<(), InputError> {
+        if cut_off < 0.5 * rate {
+            return Ok(());
+        }
+        let remedy = format!("the samples come at {rate:.1} Hz: give a cut-off below {:.1} Hz", 0.5 * rate);
+        Err(self.bad_value(key, cut_off, &remedy))
     }
 
     /// Reads a motion file and turns it to ground axes.

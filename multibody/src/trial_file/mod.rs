@@ -360,7 +360,9 @@ impl TrialFile {
                 ));
             }
         }
-        for axes in [Some(&self.axes), self.force.axes.as_ref()].into_iter().flatten() {
+        for (key, axes) in
+            std::iter::once(("[axes]", &self.axes)).chain(self.force.axes.iter().map(|a| ("axes", a)))
+        {
             let turn = axes.rotation().determinant();
             if turn != 1.0 {
                 let remedy = if turn == 0.0 {
@@ -368,7 +370,7 @@ impl TrialFile {
                 } else {
                     "these axes mirror the recording; forward x, up y, right z must be a right-handed set"
                 };
-                return Err(self.bad_value("axes", axes, remedy));
+                return Err(self.bad_value(key, axes, remedy));
             }
         }
         if self.force.plates.is_empty() {
