@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use coupling::error::CommandError;
 use coupling::optimize::{OptimizeOptions, Optimized, optimize};
-use coupling::report::STANDARD_GRAVITY;
+use coupling::report::GRAVITY;
 use multibody::model::Ankle;
 use multibody::sharing::{MuscleCost, ReactionCost};
 use multibody::trial::Status;
@@ -120,7 +120,7 @@ fn peak(done: &Optimized, of: impl Fn(f64, f64) -> f64) -> f64 {
     };
     let (m, l) = (column("knee_medial"), column("knee_lateral"));
     let values = &done.effort.reactions.values;
-    let weight = done.case.trial.subject.mass * STANDARD_GRAVITY;
+    let weight = done.case.trial.subject.mass * GRAVITY;
     let solved = (0..values.nrows()).filter(|&k| done.effort.verdicts[k].status == Status::Solved);
     solved.map(|k| of(values[(k, m)], values[(k, l)]) / weight).fold(f64::NEG_INFINITY, f64::max)
 }

@@ -9,7 +9,7 @@ use multibody::read::KneeForces;
 use multibody::trial::Effort;
 use thiserror::Error;
 
-use crate::report::STANDARD_GRAVITY;
+use crate::report::GRAVITY;
 
 /// Why the two cannot be compared.
 #[derive(Debug, Error, PartialEq)]
@@ -143,7 +143,7 @@ impl Overlay {
         let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect::<Vec<_>>();
         let total = (sum(&m.0, &l.0), sum(&m.1, &l.1));
         let curve = |(measured, model): (Vec<f64>, Vec<f64>)| {
-            let agreement = agreement(&measured, &model, mass * STANDARD_GRAVITY);
+            let agreement = agreement(&measured, &model, mass * GRAVITY);
             Curve { measured, model, agreement }
         };
         Ok(Overlay {
@@ -264,7 +264,7 @@ mod tests {
             &[10.0, 90.0, 210.0, 330.0, 1.0],
             &[100.0, 100.0, 100.0, 120.0, 1.0],
         );
-        let mass = 1000.0 / STANDARD_GRAVITY; // a body weight of 1000 N
+        let mass = 1000.0 / GRAVITY; // a body weight of 1000 N
         let overlay = Overlay::new(&measured, &model, mass).unwrap();
         assert_eq!((overlay.time.len(), overlay.frames_left_out), (4, 1)); // 9 s lies beyond the measurement
         let medial = &overlay.medial.agreement;

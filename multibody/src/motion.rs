@@ -37,10 +37,17 @@ pub fn track(model: &Model, trial: &Trial, filters: &Filters) -> Motion {
         for verdict in fit[frames.clone()].iter_mut().filter(|f| short && f.failure.is_none()) {
             verdict.failure = Some("too few fitted frames around this one for an acceleration".into());
         }
-        let (velocity, acceleration) = derivatives(model, &Q[frames.clone()], &trial.time[frames], filters);
-        Qd.extend(velocity);
-        Qdd.extend(acceleration);
+        let rates = derivatives(model, &Q[frames.clone()], &trial.time[frames.clone()], filters);
+        for (verdict, rates) in fit[frames].iter_mut().zip(rates) {
+            if rates.is_none() && verdict.failure.is_none() {
+                verdict.failure = Some("the joints are locked in this posture".into());
+            }
+            let (velocity, acceleration) = rates.unwrap_or((Coordinates::zeros(), Coordinates::zeros()));
+            Qd.push(velocity);
+            Qdd.push(acceleration);
+        }
     }
+    caution_beside_gaps(&mut fit, reach(&trial.time, filters));
     let mut angles = DMatrix::zeros(Q.len(), ANGLES.len());
     for (k, q) in Q.iter().enumerate() {
         for (c, angle) in joint_angles(&model.shapes, q).into_iter().enumerate() {
@@ -60,14 +67,35 @@ pub fn track(model: &Model, trial: &Trial, filters: &Filters) -> Motion {
     }
 }
 
-/// Longest gap \[frames\] that is bridged.
-fn bridged(time: &[f64], filters: &Filters) -> usize {
+/// Period of the cut-off \[frames\].
+fn period(time: &[f64], filters: &Filters) -> f64 {
     let n = time.len();
     if n < 2 {
-        return 0;
+        return 0.0;
     }
-    let rate = (n - 1) as f64 / (time[n - 1] - time[0]);
-    (BRIDGED_SHARE * rate / filters.motion_hz) as usize
+    (n - 1) as f64 / (time[n - 1] - time[0]) / filters.motion_hz
+}
+
+/// Longest gap \[frames\] that is bridged.
+fn bridged(time: &[f64], filters: &Filters) -> usize {
+    (BRIDGED_SHARE * period(time, filters)) as usize
+}
+
+/// Frames on either side of a gap whose accelerations feel it: half a period of the cut-off.
+fn reach(time: &[f64], filters: &Filters) -> usize {
+    (0.5 * period(time, filters)).ceil() as usize
+}
+
+/// Fitted frames beside failed ones say so: their accelerations rest on an interpolated or a cut series.
+fn caution_beside_gaps(fit: &mut [FitVerdict], reach: usize) {
+    let failed: Vec<usize> = (0..fit.len()).filter(|&k| fit[k].failure.is_some()).collect();
+    for &gap in &failed {
+        for k in gap.saturating_sub(reach)..(gap + reach + 1).min(fit.len()) {
+            if fit[k].failure.is_none() && fit[k].caution.is_none() {
+                fit[k].caution = Some("accelerations feel frames nearby that were not fitted".into());
+            }
+        }
+    }
 }
 
 /// Frames that are differentiated together: runs of fitted frames with the gaps of up to `bridged` frames between them,
@@ -88,16 +116,16 @@ fn stretches(fitted: &[bool], bridged: usize) -> Vec<Range<usize>> {
     stretches.into_iter().map(|(_, frames)| frames).collect()
 }
 
-/// Consistent velocities and accelerations of a series of postures at uniform times.
+/// Consistent velocities and accelerations of a series of postures at uniform times; `None` where the joints are locked.
 fn derivatives(
     model: &Model,
     Q: &[Coordinates],
     time: &[f64],
     filters: &Filters,
-) -> (Vec<Coordinates>, Vec<Coordinates>) {
+) -> Vec<Option<(Coordinates, Coordinates)>> {
     let n = Q.len();
     if n < 2 {
-        return (vec![Coordinates::zeros(); n], vec![Coordinates::zeros(); n]);
+        return vec![Some((Coordinates::zeros(), Coordinates::zeros())); n];
     }
     let step = (time[n - 1] - time[0]) / (n - 1) as f64;
     let low_pass = LowPass::new(filters.motion_hz, 1.0 / step);
@@ -116,9 +144,9 @@ fn derivatives(
         .map(|k| {
             let Qd = Coordinates::from_fn(|c, _| columns[c].0[k]);
             let Qdd = Coordinates::from_fn(|c, _| columns[c].1[k]);
-            project(model, &Q[k], &Qd, &Qdd).unwrap_or((Qd, Qdd))
+            project(model, &Q[k], &Qd, &Qdd)
         })
-        .unzip()
+        .collect()
 }
 
 fn project(

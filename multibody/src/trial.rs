@@ -106,6 +106,8 @@ pub struct Table {
 pub struct FitVerdict {
     /// `None` when fitted; otherwise why not, in words, with the counts of markers seen.
     pub failure: Option<String>,
+    /// What makes a fitted frame less certain than others: markers of a segment lost, a gap close by.
+    pub caution: Option<String>,
     /// Markers seen in this frame per segment: foot, shank, patella, thigh, pelvis.
     pub markers_seen: [usize; 5],
     /// Root mean square distance of the seen markers from the model \[m\].

@@ -182,7 +182,7 @@ fn the_summary_finds_the_peaks() {
     let s = Summary::of(&walk.report());
     let close = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-9 * b;
     assert!(close(s.peak_knee_force_N, 250.0), "{s:?}");
-    assert!(close(s.peak_knee_force_bw, 250.0 / (70.0 * 9.80665)), "{s:?}");
+    assert!(close(s.peak_knee_force_bw, 250.0 / (70.0 * 9.81)), "{s:?}");
     assert_eq!(s.peak_knee_force_time_s, Some(walk.effort.time[100]));
     assert!(close(s.marker_rms_mm, ((51.0 * 9.0 + 50.0 * 25.0) / 101.0_f64).sqrt()), "{s:?}");
     assert!(close(s.worst_marker_rms_mm, 5.0), "{s:?}");

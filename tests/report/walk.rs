@@ -156,6 +156,7 @@ impl Walk {
         };
         let fit = (0..all).map(|i| FitVerdict {
             failure: None,
+            caution: None,
             markers_seen: [4, 3, 0, 3, 4],
             marker_rms: 1e-3 * (4.4 + 1.3 * (i as f64 * 0.21).sin()),
             iterations: 5,

@@ -114,7 +114,10 @@ fn check_lost(
         assert_eq!(frame.verdict.markers_seen[segment.index()], left);
         match &frame.verdict.failure {
             // Either the joints and the other markers still fix the posture, which then is the true one …
-            None => assert!(error < 1e-6, "{segment:?}, {left} left, frame {k}: {error:.1e}"),
+            None => {
+                assert!(error < 1e-6, "{segment:?}, {left} left, frame {k}: {error:.1e}");
+                assert_eq!(frame.verdict.caution.is_some(), left < 3, "{segment:?}, {left} left");
+            }
             // … or the frame says what it lacks.
             Some(text) => assert!(text.contains("markers seen"), "{text}"),
         }

@@ -326,6 +326,39 @@ fn notes(done: &Optimized) -> Vec<String> {
             q.ankle_range.to_degrees()
         ));
     }
+    let fits = &done.motion.fit[done.motion.report.clone()];
+    let cautions: std::collections::BTreeSet<&String> =
+        fits.iter().filter(|f| f.failure.is_none()).filter_map(|f| f.caution.as_ref()).collect();
+    if !cautions.is_empty() {
+        let list: Vec<&str> = cautions.iter().map(|c| c.as_str()).take(4).collect();
+        notes.push(format!(
+            "Some frames are fitted with less certainty ({}); column caution of verdicts.csv.",
+            list.join("; ")
+        ));
+    }
+    let squares: Vec<f64> =
+        fits.iter().filter(|f| f.failure.is_none()).map(|f| f.marker_rms.powi(2)).collect();
+    let rms = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+    if rms > DOUBTFUL_RESIDUAL {
+        notes.push(format!(
+            "The marker residual of {} mm is far above what soft tissue explains (5 to 10 mm in walking): check which marker is which, the landmarks and the hip centre.",
+            mm(rms)
+        ));
+    }
+    let unused: Vec<&str> = done
+        .case
+        .trial
+        .markers
+        .iter()
+        .filter(|t| done.model.markers.iter().all(|m| m.name != t.name))
+        .map(|t| t.name.as_str())
+        .collect();
+    if !unused.is_empty() {
+        notes.push(format!(
+            "Markers without a place on the model, not used in the fit: {}.",
+            unused.join(", ")
+        ));
+    }
     let overall = &done.hill.overall;
     notes.push(format!(
         "Activations clipped at 0 in {:.1} % of samples (mostly resting muscles with passive force, which force sharing does not know), at 1 in {:.1} %; fibre length limited in {:.1} %.",
@@ -336,6 +369,8 @@ fn notes(done: &Optimized) -> Vec<String> {
     notes
 }
 
+/// Marker residual that no soft tissue explains \[m\].
+const DOUBTFUL_RESIDUAL: f64 = 0.025;
 /// Unsolved frames that are spelt out on the terminal.
 const REASONS_SHOWN: usize = 8;
 
@@ -401,6 +436,9 @@ fn print(
                 a.peak_error_bw
             )?;
         }
+    }
+    for note in notes(done).iter().filter(|n| !n.starts_with("Activations")) {
+        writeln!(out, "  note: {note}")?;
     }
     let reasons: Vec<(usize, &String)> = done
         .effort

@@ -170,6 +170,7 @@ pub fn write_verdicts(out: &mut dyn Write, motion: &Motion, effort: &Effort) -> 
         "fit_residual",
         "constraint",
         "markers_seen",
+        "caution",
     ])?;
     let fits = &motion.fit[motion.report.clone()];
     for ((&time, verdict), fit) in effort.time.iter().zip(&effort.verdicts).zip(fits) {
@@ -191,6 +192,7 @@ pub fn write_verdicts(out: &mut dyn Write, motion: &Motion, effort: &Effort) -> 
             cell(fit.residual),
             cell(fit.constraint),
             fit.markers_seen.iter().sum::<usize>().to_string(),
+            fit.caution.clone().unwrap_or_default(),
         ])?;
     }
     csv.flush()

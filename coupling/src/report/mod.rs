@@ -21,8 +21,8 @@ use crate::measured::{Agreement, Overlay};
 
 pub use optimize::optimize_page;
 
-/// Standard gravity \[m/s²\] (3rd CGPM, 1901), which turns body mass into body weight.
-pub const STANDARD_GRAVITY: f64 = 9.80665;
+/// Gravity for body weights \[m/s²\], the same as in the mechanics.
+pub const GRAVITY: f64 = 9.81;
 
 /// Above this vertical ground force \[N\] the foot counts as standing; the threshold of the recorded trials' events.
 pub const STANCE_THRESHOLD: f64 = 20.0;
@@ -84,6 +84,8 @@ pub struct Summary {
     pub peak_knee_force_bw: Option<f64>,
     /// When \[s\].
     pub peak_knee_force_time_s: Option<f64>,
+    /// Frames that were fitted with less certainty: markers of a segment lost, or a gap close by.
+    pub cautions: usize,
     /// Root mean square over fitted frames of the marker residual \[mm\].
     pub marker_rms_mm: Option<f64>,
     /// Largest marker residual of a frame \[mm\].
@@ -131,6 +133,7 @@ impl Summary {
             solved: (0..frames).filter(solved).count(),
             infeasible: count(Status::Infeasible),
             failed: count(Status::Failed),
+            cautions: fits.iter().filter(|f| f.failure.is_none() && f.caution.is_some()).count(),
             not_fitted: fits.iter().filter(|f| f.failure.is_some()).count(),
             peak_knee_force_N: peak.map(|p| p.0),
             peak_knee_force_bw: peak.map(|p| p.0 / weight),
@@ -155,7 +158,7 @@ impl Summary {
 impl OptimizeReport<'_> {
     /// Body weight \[N\].
     pub fn body_weight(&self) -> f64 {
-        self.trial.subject.mass * STANDARD_GRAVITY
+        self.trial.subject.mass * GRAVITY
     }
 }
 

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::clusters::{mean_cluster, mean_local, pose};
 use super::markers::foot;
-use super::{CalibrationError, HipCentre, Path, Spines, pelvis, relative};
+use super::{CalibrationError, HipCentre, Path, Spines, apart, pelvis, relative};
 use crate::anatomy::{Anatomy, Cluster, ShankAxes, ThighAxes};
 use crate::natural::{Pose, SegmentId};
 use crate::trial::{MarkerTrack, Sex};
@@ -82,6 +82,7 @@ pub fn anatomy(
         local(Foot, |r| &r.metatarsal_1, "metatarsal_1")?,
         local(Foot, |r| &r.metatarsal_5, "metatarsal_5")?,
     );
+    apart(("metatarsal_1", &metatarsals.0), ("metatarsal_5", &metatarsals.1), 0.02)?;
     // To the right of the walker: along the line from metatarsal head 1 to 5, and of the pelvis.
     let lateral_in_foot = (metatarsals.1 - metatarsals.0).normalize();
     let ankle = ankle.pointing(&lateral_in_foot, false);
@@ -117,7 +118,7 @@ pub fn anatomy(
         u: (knee_in_shank - ankle_in_shank).cross(&knee.distal).normalize(),
         w: ankle.proximal,
     };
-    let foot = foot(ankle_in_foot, heel, metatarsals.0, metatarsals.1);
+    let foot = foot(ankle_in_foot, heel, metatarsals.0, metatarsals.1)?;
     let quality = Quality {
         knee_rms: knee.rms,
         knee_range: knee.range,

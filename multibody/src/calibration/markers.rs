@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 
 use super::clusters::{mean_cluster, mean_local, pose};
-use super::{CalibrationError, HipCentre, Path, Spines, pelvis};
+use super::{CalibrationError, HipCentre, Path, Spines, apart, pelvis};
 use crate::anatomy::{Anatomy, Cluster, FootAxes, ShankAxes, ThighAxes};
 use crate::natural::{Pose, SegmentId};
 use crate::trial::{MarkerTrack, Sex};
@@ -57,10 +57,12 @@ pub fn anatomy(
     let pelvis_axes = pelvis(&clusters[Pelvis.index()], tracks, &landmarks.spines, hip, sex)?;
     let lateral = local(Thigh, &landmarks.lateral_epicondyle, "lateral_epicondyle", &all)?;
     let medial = local(Thigh, &landmarks.medial_epicondyle, "medial_epicondyle", &all)?;
+    apart(("lateral_epicondyle", &lateral), ("medial_epicondyle", &medial), 0.03)?;
     let thigh = ThighAxes { knee: 0.5 * (lateral + medial), w: (lateral - medial).normalize() };
 
     let lateral_malleolus = local(Shank, &landmarks.lateral_malleolus, "lateral_malleolus", &all)?;
     let medial_malleolus = local(Shank, &landmarks.medial_malleolus, "medial_malleolus", &all)?;
+    apart(("lateral_malleolus", &lateral_malleolus), ("medial_malleolus", &medial_malleolus), 0.03)?;
     let ankle = 0.5 * (lateral_malleolus + medial_malleolus);
     let straight = most_extended(tracks, &clusters, &pelvis_axes.hip, &thigh.knee, &ankle, n);
     let carried_lateral = local(Shank, &landmarks.lateral_epicondyle, "lateral_epicondyle", &straight)?;
@@ -80,7 +82,7 @@ pub fn anatomy(
         local(Foot, &landmarks.heel, "heel", &all)?,
         local(Foot, &landmarks.metatarsal_1, "metatarsal_1", &all)?,
         local(Foot, &landmarks.metatarsal_5, "metatarsal_5", &all)?,
-    );
+    )?;
     Ok(Anatomy { clusters, pelvis: pelvis_axes, thigh, shank, foot })
 }
 
@@ -90,9 +92,11 @@ pub(crate) fn foot(
     heel: Vector3<f64>,
     metatarsal_1: Vector3<f64>,
     metatarsal_5: Vector3<f64>,
-) -> FootAxes {
+) -> Result<FootAxes, CalibrationError> {
     let toe = 0.5 * (metatarsal_1 + metatarsal_5);
-    FootAxes { ankle, toe, u: (toe - heel).normalize(), w: (metatarsal_5 - metatarsal_1).normalize() }
+    apart(("metatarsal_1", &metatarsal_1), ("metatarsal_5", &metatarsal_5), 0.02)?;
+    apart(("heel", &heel), ("the midpoint of the metatarsal heads", &toe), 0.05)?;
+    Ok(FootAxes { ankle, toe, u: (toe - heel).normalize(), w: (metatarsal_5 - metatarsal_1).normalize() })
 }
 
 /// Frames within 5 degrees of the straightest knee (angle hip - knee - ankle).

@@ -52,6 +52,21 @@ pub enum CalibrationError {
     /// The table of landmarks lacks something.
     #[error("{0}")]
     Table(String),
+    /// Two landmarks that must be apart are not.
+    #[error(
+        "landmarks `{a}` and `{b}` are {distance_mm:.1} mm apart, at least {least_mm:.0} mm are needed; \
+         does one marker stand for both?"
+    )]
+    TooClose {
+        /// First landmark.
+        a: &'static str,
+        /// Second landmark.
+        b: &'static str,
+        /// Distance \[mm\].
+        distance_mm: f64,
+        /// Least distance \[mm\].
+        least_mm: f64,
+    },
     /// Too little motion for a functional calibration.
     #[error(
         "the {joint} turns by only {range_deg:.0} degrees in the calibration files; \
@@ -136,7 +151,7 @@ pub struct Spines {
 
 impl Spines {
     /// From the paths of four named markers.
-    pub fn of(tracks: &[MarkerTrack], names: [&String; 4]) -> Spines {
+    pub fn of(tracks: &[MarkerTrack], names: [&str; 4]) -> Spines {
         let [asis_right, asis_left, psis_right, psis_left] = names.map(|n| path(tracks, n));
         Spines { asis_right, asis_left, psis_right, psis_left }
     }
@@ -161,6 +176,12 @@ pub(crate) fn pelvis(
     };
     let asis = (local(&spines.asis_right, "asis_right")?, local(&spines.asis_left, "asis_left")?);
     let psis = (local(&spines.psis_right, "psis_right")?, local(&spines.psis_left, "psis_left")?);
+    apart(("asis_right", &asis.0), ("asis_left", &asis.1), 0.05)?;
+    apart(
+        ("the midpoint of the ASISs", &(0.5 * (asis.0 + asis.1))),
+        ("of the PSISs", &(0.5 * (psis.0 + psis.1))),
+        0.05,
+    )?;
     let (R, origin) = clusters::pelvis_axes(&asis.0, &asis.1, &psis.0, &psis.1);
     let width = (asis.0 - asis.1).norm();
     let depth = (0.5 * (psis.0 + psis.1) - origin).norm();
@@ -174,6 +195,19 @@ pub(crate) fn pelvis(
         width,
         origin,
     })
+}
+
+/// Refuses landmarks nearer to each other than `least` \[m\]: axes between them would be noise.
+pub(crate) fn apart(
+    (a, at_a): (&'static str, &Vector3<f64>),
+    (b, at_b): (&'static str, &Vector3<f64>),
+    least: f64,
+) -> Result<(), CalibrationError> {
+    let distance = (at_a - at_b).norm();
+    if distance >= least {
+        return Ok(());
+    }
+    Err(CalibrationError::TooClose { a, b, distance_mm: 1e3 * distance, least_mm: 1e3 * least })
 }
 
 /// Hip centre of a rule, from the midpoint of the ASISs in pelvis axes \[m\].

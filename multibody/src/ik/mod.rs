@@ -48,9 +48,10 @@ pub struct FittedFrame {
 pub fn fit(model: &Model, trial: &Trial) -> Vec<FittedFrame> {
     let n = trial.time.len();
     let starts: Vec<Option<Coordinates>> = (0..n).into_par_iter().map(|k| model.start(trial, k)).collect();
+    let around = neighbours(&starts);
     let chunks: Vec<Vec<Result<FittedFrame, FitVerdict>>> = (0..n.div_ceil(CHUNK))
         .into_par_iter()
-        .map(|c| fit_chunk(model, trial, &starts, c * CHUNK..((c + 1) * CHUNK).min(n)))
+        .map(|c| fit_chunk(model, trial, &starts, &around, c * CHUNK..((c + 1) * CHUNK).min(n)))
         .collect();
     let mut frames: Vec<_> = chunks.into_iter().flatten().collect();
     refit_outliers(model, trial, &starts, &mut frames);
@@ -75,14 +76,15 @@ fn refit_outliers(
         .iter()
         .map(|f| f.as_ref().ok().filter(|f| f.verdict.marker_rms <= limit).map(|f| f.Q))
         .collect();
+    let around = neighbours(&good);
     let refitted: Vec<(usize, FittedFrame)> = (0..frames.len())
         .into_par_iter()
         .filter(|&k| good[k].is_none())
         .filter_map(|k| {
             let mut solver = Solver::new(model);
             let targets = targets(model, trial, k);
-            let before = (0..k).rev().find_map(|i| good[i]);
-            let after = (k + 1..good.len()).find_map(|i| good[i]);
+            let before = around[k].0.and_then(|i| good[i]);
+            let after = around[k].1.and_then(|i| good[i]);
             let candidates = [before, after, starts[k]];
             let fits = [false, true]
                 .iter()
@@ -104,6 +106,25 @@ fn refit_outliers(
     }
 }
 
+/// Nearest known frames at or before, and at or after, a frame.
+type Neighbours = (Option<usize>, Option<usize>);
+
+/// Neighbours of every frame.
+fn neighbours<T>(known: &[Option<T>]) -> Vec<Neighbours> {
+    let mut around = vec![(None, None); known.len()];
+    let mut last = None;
+    for k in 0..known.len() {
+        last = known[k].as_ref().map(|_| k).or(last);
+        around[k].0 = last;
+    }
+    last = None;
+    for k in (0..known.len()).rev() {
+        last = known[k].as_ref().map(|_| k).or(last);
+        around[k].1 = last;
+    }
+    around
+}
+
 /// Seen positions of the model's markers in one frame.
 fn targets(model: &Model, trial: &Trial, frame: usize) -> Vec<Option<Vector3<f64>>> {
     model.markers.iter().map(|m| trial.markers[m.track].position[frame]).collect()
@@ -113,6 +134,7 @@ fn fit_chunk(
     model: &Model,
     trial: &Trial,
     starts: &[Option<Coordinates>],
+    around: &[Neighbours],
     frames: std::ops::Range<usize>,
 ) -> Vec<Result<FittedFrame, FitVerdict>> {
     let mut solver = Solver::new(model);
@@ -120,9 +142,11 @@ fn fit_chunk(
     let mut results = Vec::with_capacity(frames.len());
     for frame in frames {
         let targets = targets(model, trial, frame);
-        let nearest = || {
-            let distance = |k: &usize| k.abs_diff(frame);
-            (0..starts.len()).filter(|&k| starts[k].is_some()).min_by_key(distance).and_then(|k| starts[k])
+        let nearest = match around[frame] {
+            (Some(before), Some(after)) => {
+                starts[if frame - before <= after - frame { before } else { after }]
+            }
+            (before, after) => before.or(after).and_then(|k| starts[k]),
         };
         // Two fitted frames predict the next one, posture and multipliers.
         let predicted = previous.take().map(|last| {
@@ -133,7 +157,7 @@ fn fit_chunk(
             before = Some(last);
             guess
         });
-        let result = best_fit(&mut solver, &targets, predicted, [starts[frame], nearest()]);
+        let result = best_fit(&mut solver, &targets, predicted, [starts[frame], nearest]);
         previous = result.as_ref().ok().cloned();
         results.push(result);
     }
@@ -168,6 +192,7 @@ fn best_fit(
     }
     best.ok_or_else(|| {
         failure.unwrap_or_else(|| FitVerdict {
+            caution: None,
             failure: Some("no start posture: too few markers in every frame".into()),
             markers_seen: seen_per_segment(solver.model, targets),
             marker_rms: f64::NAN,
@@ -203,6 +228,7 @@ fn seen_per_segment(model: &Model, targets: &[Option<Vector3<f64>>]) -> [usize; 
 /// Gives failed frames a posture between their fitted neighbours that satisfies the joint equations.
 fn fill_failed(model: &Model, frames: Vec<Result<FittedFrame, FitVerdict>>) -> Vec<FittedFrame> {
     let fitted: Vec<Option<Coordinates>> = frames.iter().map(|f| f.as_ref().ok().map(|f| f.Q)).collect();
+    let around = neighbours(&fitted);
     let fallback = || SVector::repeat(f64::NAN);
     let mut solver = Solver::new(model);
     frames
@@ -211,8 +237,8 @@ fn fill_failed(model: &Model, frames: Vec<Result<FittedFrame, FitVerdict>>) -> V
         .map(|(k, frame)| match frame {
             Ok(frame) => frame,
             Err(mut verdict) => {
-                let before = (0..k).rev().find_map(|i| Some((i, fitted[i]?)));
-                let after = (k + 1..fitted.len()).find_map(|i| Some((i, fitted[i]?)));
+                let before = around[k].0.and_then(|i| Some((i, fitted[i]?)));
+                let after = around[k].1.and_then(|i| Some((i, fitted[i]?)));
                 let (guess, how) = match (before, after) {
                     (Some((i, a)), Some((j, b))) => {
                         let share = (k - i) as f64 / (j - i) as f64;

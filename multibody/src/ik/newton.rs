@@ -67,6 +67,7 @@ impl<'a> Solver<'a> {
         let (marker_hessian, marker_load) = self.marker_terms(targets);
         let mut verdict = FitVerdict {
             failure: None,
+            caution: caution(self.model, targets),
             markers_seen: seen_per_segment(self.model, targets),
             marker_rms: f64::NAN,
             iterations: 0,
@@ -344,6 +345,20 @@ impl<'a> Solver<'a> {
         let Z = DMatrix::from_columns(&free);
         (Z.transpose() * H * Z).symmetric_eigenvalues().min()
     }
+}
+
+/// Names the segments that show fewer than three markers: the joints then help to place them.
+fn caution(model: &Model, targets: &[Option<Vector3<f64>>]) -> Option<String> {
+    let seen = seen_per_segment(model, targets);
+    let lost: Vec<String> = SegmentId::ALL
+        .iter()
+        .filter_map(|segment| {
+            let total = model.markers.iter().filter(|m| m.segment == *segment).count();
+            let seen = seen[segment.index()];
+            (seen < 3 && seen < total).then(|| format!("{seen} of {total} {} markers seen", segment.name()))
+        })
+        .collect();
+    (!lost.is_empty()).then(|| lost.join(", "))
 }
 
 /// Unknowns along the leg: foot, ankle equations, shank, knee, patella with its equations, thigh, hip, pelvis.
