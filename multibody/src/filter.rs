@@ -36,8 +36,8 @@ impl LowPass {
             }
         };
         let eighth = std::f64::consts::FRAC_PI_8;
-        // Long enough for the slowest pole to die out to about 1e-6.
-        let padding = (3.0 * rate_hz / cutoff_hz).ceil() as usize;
+        // Five periods of the cut-off: the start dies out to about 1e-6.
+        let padding = (5.0 * rate_hz / cutoff_hz).ceil() as usize;
         Some(LowPass { sections: [section(eighth), section(3.0 * eighth)], padding })
     }
 

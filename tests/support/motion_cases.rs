@@ -41,7 +41,7 @@ pub fn noise() -> Result<String, String> {
     let (template, model, frames) = fitted(Knee::Hinge, Ankle::Universal);
     let postures: Vec<_> = template.report.clone().step_by(10).map(|k| frames[k].Q).collect();
     let error = |sigma: f64| {
-        let (mut squares, mut count) = (0.0, 0.0);
+        let (mut squares, mut count) = (0.0_f64, 0.0);
         for seed in 0..100 {
             let mut random = Random::new(seed);
             let mut trial = trial_of(&model, &template, &postures);
@@ -54,7 +54,7 @@ pub fn noise() -> Result<String, String> {
                 count += 1.0;
             }
         }
-        f64::to_degrees((squares / count as f64).sqrt())
+        f64::to_degrees((squares / count).sqrt())
     };
     let [none, one, three, ten] = [0.0, 1e-3, 3e-3, 10e-3].map(error);
     assert!(none < 1e-6);

@@ -3,7 +3,9 @@
 //! Fibre length L = l/l_opt, fibre velocity V = v/(v_max l_opt) with lengthening positive, tendon strain
 //! E = (l_t − l_ts)/l_ts; forces are multiples of f_max. With activation a and pennation α
 //!
-//!     F / f_max = (a f_L(L) f_V(V) + f_P(L)) cos α = f_T(E)
+//! ```text
+//! F / f_max = (a f_L(L) f_V(V) + f_P(L)) cos α = f_T(E)
+//! ```
 //!
 //! Set A, [`Thelen2003`]: Thelen, J Biomech Eng 2003;125:70. Set B, [`DeGroote2016`]: De Groote et al.,
 //! Ann Biomed Eng 2016;44:2922. Every force is finite and not negative for finite arguments of a

@@ -1,6 +1,8 @@
 //! From tendon force to activation and back: a Hill-type muscle in series with its tendon.
 //!
-//!     F = f_max (a f_L(L) f_V(V) + f_P(L)) cos α,   l sin α = l_opt sin α₀,   l_mt = l_t + l cos α
+//! ```text
+//! F = f_max (a f_L(L) f_V(V) + f_P(L)) cos α,   l sin α = l_opt sin α₀,   l_mt = l_t + l cos α
+//! ```
 //!
 //! Zajac, Crit Rev Biomed Eng 1989;17:359 (fibre of constant height); curves in [`super::curves`]. The tendon
 //! force is given, so tendon, fibre and activation follow one after the other without iteration.
