@@ -1,52 +1,14 @@
 //! Do mesh files and meshes survive reading, writing and damage?
 #![allow(non_snake_case)]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use fem::mesh::format::{abaqus, gmsh, pvd::PvdWriter, vtu};
 use fem::mesh::{CellBlock, CellKind, LengthUnit, Mesh, MeshError, Place, generate};
-
-/// Counts the bytes each thread holds, for the bound on the memory of readers.
-struct Counting;
-
-thread_local! {
-    static HELD: Cell<isize> = const { Cell::new(0) };
-    static PEAK: Cell<isize> = const { Cell::new(0) };
-}
-
-fn count(bytes: isize) {
-    // Fails only while a thread ends: its counters are gone then.
-    let _ = HELD.try_with(|held| {
-        held.set(held.get() + bytes);
-        PEAK.with(|peak| peak.set(peak.get().max(held.get())));
-    });
-}
-
-#[allow(unsafe_code)] // the only way to watch allocations
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count(-(layout.size() as isize));
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
+use support::allocations::{Counting, with_peak};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
-
-/// Most bytes held at once by `work` on this thread.
-fn peak_bytes<T>(work: impl FnOnce() -> T) -> (T, usize) {
-    let before = HELD.get();
-    PEAK.set(before);
-    let result = work();
-    (result, (PEAK.get() - before) as usize)
-}
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("mesh_data").join(name)
@@ -415,7 +377,7 @@ fn small_files() -> Vec<(String, Vec<u8>)> {
 
 /// Parses within the bound on memory; a mesh that is returned can be checked and measured without panic.
 fn parse_bounded(name: &str, bytes: &[u8], what: &str) -> Result<Mesh, MeshError> {
-    let (result, peak) = peak_bytes(|| parse(name, bytes));
+    let (result, peak) = with_peak(|| parse(name, bytes));
     assert!(
         peak < 10 * bytes.len() + (64 << 20),
         "{name}, {what}: {peak} bytes for a file of {}",

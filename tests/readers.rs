@@ -1,54 +1,17 @@
 //! Do the readers give back what was recorded, and refuse what is damaged?
 
-#![allow(unsafe_code)] // the counting allocator below
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use multibody::InputError;
 use multibody::error::Place;
 use multibody::read::{self, ForcePlate, MarkerRecording, TimeSeries, c3d};
 use nalgebra::Vector3;
+use support::allocations::{Counting, with_peak};
 use support::c3d_file::{C3dFile, Order};
 use support::shared;
 
-/// Counts the bytes that a thread holds, so that a test can ask for the memory of one call.
-struct Counting;
-
-thread_local! {
-    static HELD: Cell<isize> = const { Cell::new(0) };
-    static PEAK: Cell<isize> = const { Cell::new(0) };
-}
-
-fn count(bytes: isize) {
-    let held = HELD.get() + bytes;
-    HELD.set(held);
-    PEAK.set(PEAK.get().max(held));
-}
-
-// SAFETY: passes every call to the system allocator unchanged; the counters do not allocate.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count(-(layout.size() as isize));
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
-
-/// Runs `f` and returns its result with the most memory it held.
-fn with_peak<T>(f: impl FnOnce() -> T) -> (T, usize) {
-    HELD.set(0);
-    PEAK.set(0);
-    let result = f();
-    (result, PEAK.get().max(0) as usize)
-}
 
 // ------------------------------------------------------------------------------------------------ recorded values
 

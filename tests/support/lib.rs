@@ -1,5 +1,6 @@
 //! Helpers shared by the tests of the workspace.
 
+pub mod allocations;
 pub mod c3d_file;
 pub mod fem_scenes;
 pub mod goldfarb_idnani;
