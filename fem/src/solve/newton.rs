@@ -478,7 +478,15 @@ impl Run<'_> {
             let rhs: Vec<f64> = g.iter().map(|g| -g).collect();
             let (report, projected) = self.direction(potential, x, rhs, forcing, linear, k, &mut dx)?;
             let assembly = Instant::now();
-            let length = match self.line_search(potential, x, &g, &dx, &mut energy, &mut trial) {
+            let length = match self.line_search(
+                potential,
+                x,
+                &g,
+                &dx,
+                energy_round_off(k, x),
+                &mut energy,
+                &mut trial,
+            ) {
                 Ok(length) => length,
                 // Round-off, not the mechanics, ends the descent a little above the estimate.
                 Err(_) if residual <= 100.0 * round_off(k, x) => return Ok(()),
@@ -579,13 +587,15 @@ impl Run<'_> {
         }
     }
 
-    /// Finds the share of `dx` to take; leaves x + share · dx in `trial` and its energy in `energy`.
+    /// Finds the share of `dx` to take; leaves x + share · dx in `trial` and its energy in `energy`. `round_off` of the
+    /// energy \[J\] where it is near zero.
     fn line_search(
         &self,
         potential: &dyn Loading,
         x: &[f64],
         g: &[f64],
         dx: &[f64],
+        round_off: f64,
         energy: &mut f64,
         trial: &mut [f64],
     ) -> Result<f64, Reason> {
@@ -612,7 +622,7 @@ impl Run<'_> {
                 *energy = e;
                 return Ok(length);
             }
-            if change.abs() <= ENERGY_ROUND_OFF * energy.abs().max(e.abs()) {
+            if change.abs() <= round_off.max(ENERGY_ROUND_OFF * energy.abs().max(e.abs())) {
                 g_trial.resize(x.len(), 0.0);
                 self.gradient(potential, trial, &mut g_trial);
                 if dot(&g_trial, dx) <= -0.8 * slope {
@@ -760,6 +770,13 @@ impl Run<'_> {
             place,
         })
     }
+}
+
+/// Round-off of the energy \[J\] near a stress-free shape, where the terms of a law cancel: ε times a stiffness times a
+/// length squared, as the moduli times the volume are.
+fn energy_round_off(k: &BlockMatrix, x: &[f64]) -> f64 {
+    let farthest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    farthest * round_off(k, x)
 }
 
 /// Residual \[N\] that round-off of the positions alone makes: ε · |x| in every position times its stiffness.
