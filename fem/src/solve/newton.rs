@@ -772,11 +772,12 @@ impl Run<'_> {
     }
 }
 
-/// Round-off of the energy \[J\] near a stress-free shape, where the terms of a law cancel: ε times a stiffness times a
-/// length squared, as the moduli times the volume are.
+/// Round-off of the energy \[J\] near a stress-free shape, where the terms of a law cancel: ε times stiffness times length
+/// squared, as moduli times volume are; of the softest unknown, so that nothing stiff beside it hides its descent.
 fn energy_round_off(k: &BlockMatrix, x: &[f64]) -> f64 {
     let farthest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    farthest * round_off(k, x)
+    let softest = (0..x.len()).map(|i| k.diagonal(i)).fold(f64::INFINITY, f64::min).max(0.0);
+    2.0 * f64::EPSILON * farthest * farthest * softest * (x.len() as f64).sqrt()
 }
 
 /// Residual \[N\] that round-off of the positions alone makes: ε · |x| in every position times its stiffness.
