@@ -353,3 +353,25 @@ fn gradient_and_hessian_of_an_island_are_derivatives() {
     println!("island: gradient order {worst_g:.2}, Hessian order {worst_K:.2}");
     assert!(worst_g > 1.9 && worst_K > 1.9, "orders {worst_g:.2} and {worst_K:.2}");
 }
+
+/// A⁺ is the nearest positive semidefinite matrix to A exactly if A⁺ and A⁺ − A are positive semidefinite and
+/// A⁺ (A⁺ − A) = 0 (Moreau's decomposition).
+#[test]
+fn clamped_matrix_is_the_nearest_semidefinite_one() {
+    let mut random = Random::new(9);
+    let mut changed = 0;
+    for sample in 0..200 {
+        let B = Matrix9::from_fn(|_, _| random.uniform());
+        // A shift takes them from positive definite, where nothing may change, to negative definite.
+        let A = (B + B.transpose()) * 1e4 + Matrix9::identity() * (600.0 * (100.0 - f64::from(sample)));
+        let mut plus = A.data.0;
+        changed += usize::from(fem::element::psd::clamp(&mut plus));
+        let plus = Matrix9::from_array_storage(nalgebra::ArrayStorage(plus));
+        let rest = plus - A;
+        let scale = A.norm();
+        assert!(plus.symmetric_eigenvalues().min() > -1e-10 * scale, "sample {sample}");
+        assert!(rest.symmetric_eigenvalues().min() > -1e-10 * scale, "sample {sample}");
+        assert!((plus * rest).norm() < 1e-10 * scale * scale, "sample {sample}");
+    }
+    assert!((100..200).contains(&changed), "{changed} of 200 were changed");
+}
