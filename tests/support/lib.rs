@@ -41,7 +41,10 @@ pub struct Random(u64);
 impl Random {
     /// Generator of a seed.
     pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15))
+        // The first draw becomes the state, so that the streams of neighbouring seeds are not shifts of each other.
+        let mut random = Random(seed ^ 0xD134_2543_DE82_EF95);
+        random.0 = random.bits();
+        random
     }
 
     /// Next 64 random bits.
