@@ -73,7 +73,11 @@ fn main() -> Result<(), CommandError> {
             let mut cells = Vec::new();
             for rule in [None, Some(HipRule::Harrington), Some(HipRule::Regression)] {
                 let done = optimize(&OptimizeOptions { hip_centre: rule, ..options(Some(trial)) })?;
-                cells.push(format!("{:.2} / {:.2}", 1e3 * residual(&done), peak(&done, |m, l| m + l)));
+                cells.push(format!(
+                    "{:.2} / {:.2}",
+                    1e3 * done.motion.marker_rms(),
+                    peak(&done, |m, l| m + l)
+                ));
             }
             println!("| {trial} | {} |", cells.join(" | "));
         }
@@ -99,18 +103,12 @@ fn row(done: &Optimized) -> String {
         "| {} | {solved} of {} | {:.2} | {equation:.0e} | {:.2} | {:.2} | {:.2} | {} |",
         done.case.trial.name,
         verdicts.len(),
-        1e3 * residual(done),
+        1e3 * done.motion.marker_rms(),
         peak(done, |m, _| m),
         peak(done, |_, l| l),
         peak(done, |m, l| m + l),
         top.join(", ")
     )
-}
-
-/// Root mean square marker residual of the reported frames \[m\].
-fn residual(done: &Optimized) -> f64 {
-    let fits = &done.motion.fit[done.motion.report.clone()];
-    (fits.iter().map(|f| f.marker_rms.powi(2)).sum::<f64>() / fits.len() as f64).sqrt()
 }
 
 /// Largest value over the solved frames of a combination of medial and lateral knee force, in body weights.

@@ -5,14 +5,11 @@
 
 use nalgebra::DMatrix;
 
-use crate::model::Model;
+use crate::model::{FLAT_FOOT, Model};
 use crate::muscle::hill::{self, FibreVelocity, HillError, HillResult, Settings};
 use crate::muscle::musculotendon::{GenericPosture, MusculotendonModel};
 use crate::natural::SegmentId;
 use crate::trial::{Effort, Motion};
-
-/// Share of the reported frames in which the foot of a walker is flat on the floor.
-const FLAT_FOOT: std::ops::RangeInclusive<f64> = 0.15..=0.45;
 
 /// Joint coordinates of the generic leg (gait2392) in every reported frame.
 ///

@@ -139,6 +139,15 @@ pub struct Motion {
     pub fit: Vec<FitVerdict>,
 }
 
+impl Motion {
+    /// Root mean square over the fitted reported frames of the marker residual \[m\]; zero where none was fitted.
+    pub fn marker_rms(&self) -> f64 {
+        let fits = self.fit[self.report.clone()].iter().filter(|f| f.failure.is_none());
+        let (sum, count) = fits.fold((0.0, 0usize), |(s, n), f| (s + f.marker_rms.powi(2), n + 1));
+        (sum / count.max(1) as f64).sqrt()
+    }
+}
+
 /// What the joints have to carry. Rows: reported frames only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loads {

@@ -314,7 +314,21 @@ fn left_out(arguments: &OptimizeArguments) -> Vec<(String, String)> {
     list
 }
 
+/// What the reader of the page must know: the warnings, and what became of the activations.
 fn notes(done: &Optimized) -> Vec<String> {
+    let mut notes = warnings(done);
+    let overall = &done.hill.overall;
+    notes.push(format!(
+        "Activations clipped at 0 in {:.1} % of samples (mostly resting muscles with passive force, which force sharing does not know), at 1 in {:.1} %; fibre length limited in {:.1} %.",
+        100.0 * overall.below_zero,
+        100.0 * overall.above_one,
+        100.0 * overall.length_limited
+    ));
+    notes
+}
+
+/// What makes these results less certain than others.
+fn warnings(done: &Optimized) -> Vec<String> {
     let mut notes = Vec::new();
     let mm = |v: f64| format!("{:.1}", 1e3 * v);
     if let Some(q) = &done.case.quality {
@@ -336,9 +350,7 @@ fn notes(done: &Optimized) -> Vec<String> {
             list.join("; ")
         ));
     }
-    let squares: Vec<f64> =
-        fits.iter().filter(|f| f.failure.is_none()).map(|f| f.marker_rms.powi(2)).collect();
-    let rms = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+    let rms = done.motion.marker_rms();
     if rms > DOUBTFUL_RESIDUAL {
         notes.push(format!(
             "The marker residual of {} mm is far above what soft tissue explains (5 to 10 mm in walking): check which marker is which, the landmarks and the hip centre.",
@@ -359,13 +371,6 @@ fn notes(done: &Optimized) -> Vec<String> {
             unused.join(", ")
         ));
     }
-    let overall = &done.hill.overall;
-    notes.push(format!(
-        "Activations clipped at 0 in {:.1} % of samples (mostly resting muscles with passive force, which force sharing does not know), at 1 in {:.1} %; fibre length limited in {:.1} %.",
-        100.0 * overall.below_zero,
-        100.0 * overall.above_one,
-        100.0 * overall.length_limited
-    ));
     notes
 }
 
@@ -437,7 +442,7 @@ fn print(
             )?;
         }
     }
-    for note in notes(done).iter().filter(|n| !n.starts_with("Activations")) {
+    for note in warnings(done) {
         writeln!(out, "  note: {note}")?;
     }
     let reasons: Vec<(usize, &String)> = done
