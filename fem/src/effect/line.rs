@@ -1,6 +1,6 @@
 //! Fibres and strands: segments that carry axial force, along mesh edges, between points embedded in cells, or both.
 
-use super::{Effect, NO_NODE, Part, State, point};
+use super::{Effect, Groups, NO_NODE, Part, State, point};
 use crate::material::line::LineLaw;
 use rayon::prelude::*;
 
@@ -20,13 +20,11 @@ pub struct Segment {
 
 /// Segments with `M` nodes each: 2 along mesh edges, more where ends are embedded.
 pub struct Lines<const M: usize> {
-    name: String,
+    groups: Groups,
     /// Index of the control that holds the activation; `None`: never active.
     activation: Option<usize>,
-    nodes: Vec<[u32; M]>,
     /// ∂(x₁ − x₀)/∂x_node of each segment.
     weights: Vec<[f64; M]>,
-    centroids: Vec<[f64; 3]>,
     lengths: Vec<f64>,
     laws: Vec<LineLaw>,
 }
@@ -34,15 +32,7 @@ pub struct Lines<const M: usize> {
 impl<const M: usize> Lines<M> {
     /// Segments over nodes at `points` \[m\]. Panics where the ends of a segment have more than `M` nodes together.
     pub fn new(name: &str, activation: Option<usize>, points: &[[f64; 3]], segments: &[Segment]) -> Self {
-        let mut lines = Lines {
-            name: name.to_string(),
-            activation,
-            nodes: Vec::new(),
-            weights: Vec::new(),
-            centroids: Vec::new(),
-            lengths: Vec::new(),
-            laws: Vec::new(),
-        };
+        let (mut all_nodes, mut all_weights, mut centroids) = (Vec::new(), Vec::new(), Vec::new());
         for s in segments {
             let (mut nodes, mut weights, mut centroid) = ([NO_NODE; M], [0.0; M], [0.0; 3]);
             let mut used = 0;
@@ -58,13 +48,17 @@ impl<const M: usize> Lines<M> {
                     }
                 }
             }
-            lines.nodes.push(nodes);
-            lines.weights.push(weights);
-            lines.centroids.push(centroid);
-            lines.lengths.push(s.length);
-            lines.laws.push(s.law);
+            all_nodes.push(nodes);
+            all_weights.push(weights);
+            centroids.push(centroid);
         }
-        lines
+        Lines {
+            groups: Groups::new(name, Part::Fibre, &all_nodes, centroids),
+            activation,
+            weights: all_weights,
+            lengths: segments.iter().map(|s| s.length).collect(),
+            laws: segments.iter().map(|s| s.law).collect(),
+        }
     }
 
     fn activation(&self, s: &State) -> f64 {
@@ -74,7 +68,7 @@ impl<const M: usize> Lines<M> {
     /// Vector from end to end \[m\] and its length \[m\].
     fn span(&self, e: usize, x: &[f64]) -> ([f64; 3], f64) {
         let mut d = [0.0; 3];
-        for (&n, w) in self.nodes[e].iter().zip(&self.weights[e]) {
+        for (&n, w) in self.groups.nodes::<M>(e).iter().zip(&self.weights[e]) {
             if n != NO_NODE {
                 let p = point(x, n);
                 for i in 0..3 {
@@ -90,24 +84,8 @@ impl<const M: usize> Lines<M> {
 const COLLAPSED: f64 = 1e-12;
 
 impl<const M: usize> Effect for Lines<M> {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn part(&self) -> Part {
-        Part::Fibre
-    }
-
-    fn nodes_per_group(&self) -> usize {
-        M
-    }
-
-    fn nodes(&self) -> &[u32] {
-        self.nodes.as_flattened()
-    }
-
-    fn centroid(&self, group: usize) -> [f64; 3] {
-        self.centroids[group]
+    fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     fn energy(&self, s: &State) -> f64 {

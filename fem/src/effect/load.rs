@@ -1,23 +1,22 @@
 //! Dead loads: gravity and given nodal forces.
 
-use super::{Effect, Part, State, point};
+use super::{Effect, Groups, Part, State, point};
 use crate::element::SolidElement;
 
 /// Nodal forces that keep their direction: Π = −c Σ f·x, c the value of a control.
 pub struct DeadLoad {
-    name: String,
+    groups: Groups,
     control: usize,
-    nodes: Vec<u32>,
     forces: Vec<[f64; 3]>,
 }
 
 impl DeadLoad {
     /// Forces \[N\] on nodes at unit value of the control with index `control`.
     pub fn new(name: &str, control: usize, loads: &[(u32, [f64; 3])]) -> Self {
+        let nodes: Vec<[u32; 1]> = loads.iter().map(|l| [l.0]).collect();
         DeadLoad {
-            name: name.to_string(),
+            groups: Groups::new(name, Part::Load, &nodes, vec![[f64::NAN; 3]; loads.len()]),
             control,
-            nodes: loads.iter().map(|l| l.0).collect(),
             forces: loads.iter().map(|l| l.1).collect(),
         }
     }
@@ -42,24 +41,8 @@ pub fn add_weight<const N: usize, const G: usize>(
 }
 
 impl Effect for DeadLoad {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn part(&self) -> Part {
-        Part::Load
-    }
-
-    fn nodes_per_group(&self) -> usize {
-        1
-    }
-
-    fn nodes(&self) -> &[u32] {
-        &self.nodes
-    }
-
-    fn centroid(&self, _: usize) -> [f64; 3] {
-        [f64::NAN; 3] // a load is on no side of a cut
+    fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     fn energy(&self, s: &State) -> f64 {
@@ -67,7 +50,7 @@ impl Effect for DeadLoad {
             let x = point(s.x, n);
             f[0] * x[0] + f[1] * x[1] + f[2] * x[2]
         };
-        -s.controls[self.control] * self.nodes.iter().zip(&self.forces).map(work).sum::<f64>()
+        -s.controls[self.control] * self.nodes().iter().zip(&self.forces).map(work).sum::<f64>()
     }
 
     fn forces(&self, s: &State, first: usize, out: &mut [f64]) {

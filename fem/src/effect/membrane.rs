@@ -3,7 +3,7 @@
 //! Π = Σ_g h A_g ψ(C_g),   C = FᵀF (2×2) of the in-plane deformation gradient F (3×2).
 //! Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., §9.7 (membranes).
 
-use super::{Effect, Part, State, mean, point};
+use super::{Effect, Groups, Part, State, mean, point};
 use crate::element::psd::clamp;
 use crate::element::shape::Rule;
 use crate::material::membrane::MembraneLaw;
@@ -12,10 +12,8 @@ use rayon::prelude::*;
 
 /// Membrane cells with `N` nodes and `G` quadrature points.
 pub struct Membrane<const N: usize, const G: usize> {
-    name: String,
+    groups: Groups,
     law: MembraneLaw,
-    nodes: Vec<[u32; N]>,
-    centroids: Vec<[f64; 3]>,
     /// ∂N_a/∂X in an orthonormal basis of the tangent plane \[1/m\], at each point of each cell.
     dn: Vec<[[[f64; 2]; N]; G]>,
     /// Thickness times area of each point \[m³\].
@@ -33,14 +31,7 @@ impl<const N: usize, const G: usize> Membrane<N, G> {
         points: &[[f64; 3]],
         nodes: Vec<[u32; N]>,
     ) -> Result<Self, usize> {
-        let mut m = Membrane {
-            name: name.to_string(),
-            law,
-            nodes: Vec::new(),
-            centroids: Vec::new(),
-            dn: Vec::new(),
-            w: Vec::new(),
-        };
+        let (mut all_dn, mut all_w, mut centroids) = (Vec::new(), Vec::new(), Vec::new());
         for (cell, n) in nodes.iter().enumerate() {
             let X = n.map(|n| points[n as usize]);
             let (mut dn, mut w) = ([[[0.0; 2]; N]; G], [0.0; G]);
@@ -59,17 +50,17 @@ impl<const N: usize, const G: usize> Membrane<N, G> {
                 }
                 w[g] = rule.w[g] * area * thickness;
             }
-            m.dn.push(dn);
-            m.w.push(w);
-            m.centroids.push(mean(&X));
+            all_dn.push(dn);
+            all_w.push(w);
+            centroids.push(mean(&X));
         }
-        m.nodes = nodes;
-        Ok(m)
+        let groups = Groups::new(name, Part::Membrane, &nodes, centroids);
+        Ok(Membrane { groups, law, dn: all_dn, w: all_w })
     }
 
     fn deformation_gradient(&self, cell: usize, g: usize, x: &[f64]) -> Matrix3x2<f64> {
         let mut F = Matrix3x2::zeros();
-        for (&n, d) in self.nodes[cell].iter().zip(&self.dn[cell][g]) {
+        for (&n, d) in self.groups.nodes::<N>(cell).iter().zip(&self.dn[cell][g]) {
             let p = point(x, n);
             for i in 0..3 {
                 F[(i, 0)] += p[i] * d[0];
@@ -96,28 +87,12 @@ fn invariants(F: &Matrix3x2<f64>) -> (f64, f64) {
 }
 
 impl<const N: usize, const G: usize> Effect for Membrane<N, G> {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn part(&self) -> Part {
-        Part::Membrane
-    }
-
-    fn nodes_per_group(&self) -> usize {
-        N
-    }
-
-    fn nodes(&self) -> &[u32] {
-        self.nodes.as_flattened()
-    }
-
-    fn centroid(&self, group: usize) -> [f64; 3] {
-        self.centroids[group]
+    fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     fn energy(&self, s: &State) -> f64 {
-        let energies: Vec<f64> = (0..self.nodes.len())
+        let energies: Vec<f64> = (0..self.groups.len())
             .into_par_iter()
             .with_min_len(128)
             .map(|c| {

@@ -64,18 +64,66 @@ pub struct SolidState {
     pub cauchy: nalgebra::Matrix3<f64>,
 }
 
+/// The groups of nodes over which an effect is a sum, equally many nodes in each: the elements, say.
+#[derive(Clone, Debug)]
+pub struct Groups {
+    name: String,
+    part: Part,
+    nodes_per_group: usize,
+    nodes: Vec<u32>,
+    centroids: Vec<[f64; 3]>,
+}
+
+impl Groups {
+    /// Groups of `N` nodes; `centroids` in the reference configuration \[m\], not a number for loads: they are on no side
+    /// of a cut.
+    pub fn new<const N: usize>(name: &str, part: Part, nodes: &[[u32; N]], centroids: Vec<[f64; 3]>) -> Self {
+        assert_eq!(nodes.len(), centroids.len(), "one centroid per group of `{name}`");
+        let nodes = nodes.as_flattened().to_vec();
+        Groups { name: name.to_string(), part, nodes_per_group: N, nodes, centroids }
+    }
+
+    /// Number of groups.
+    pub fn len(&self) -> usize {
+        self.centroids.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.centroids.is_empty()
+    }
+
+    /// Nodes of a group; `N` as in [`Groups::new`].
+    #[inline(always)]
+    pub fn nodes<const N: usize>(&self, group: usize) -> &[u32; N] {
+        &self.nodes.as_chunks::<N>().0[group]
+    }
+}
+
 /// One additive part of the potential: Π(x) is a sum over *groups* of equally many nodes (the elements, say).
 pub trait Effect: Send + Sync {
+    /// Its groups.
+    fn groups(&self) -> &Groups;
     /// Name as in the scene.
-    fn name(&self) -> &str;
+    fn name(&self) -> &str {
+        &self.groups().name
+    }
     /// What it counts as in a section force.
-    fn part(&self) -> Part;
+    fn part(&self) -> Part {
+        self.groups().part
+    }
     /// Number m of nodes of each group.
-    fn nodes_per_group(&self) -> usize;
+    fn nodes_per_group(&self) -> usize {
+        self.groups().nodes_per_group
+    }
     /// Nodes of all groups, m after m; [`NO_NODE`] fills up smaller groups.
-    fn nodes(&self) -> &[u32];
+    fn nodes(&self) -> &[u32] {
+        &self.groups().nodes
+    }
     /// Centroid of a group in the reference configuration \[m\].
-    fn centroid(&self, group: usize) -> [f64; 3];
+    fn centroid(&self, group: usize) -> [f64; 3] {
+        self.groups().centroids[group]
+    }
     /// Π \[J\]; `+∞` where the state is not admissible.
     fn energy(&self, s: &State) -> f64;
     /// Overwrites `out` with ∂Π/∂x \[N\] of groups `first`, `first + 1`, …: 3m values each.

@@ -4,17 +4,15 @@
 //! or its rim is held, or its rim slides in planes through o, the gradient is the follower force p n da and nothing else.
 //! Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., §8.5.
 
-use super::{Effect, Part, State, point};
+use super::{Effect, Groups, Part, State, point};
 use crate::element::shape;
 use nalgebra::{Matrix3, Vector3};
 
 /// Pressure on quadrilaterals; a triangle repeats its last node.
 pub struct Pressure {
-    name: String,
+    groups: Groups,
     control: usize,
     origin: Vector3<f64>,
-    nodes: Vec<[u32; 4]>,
-    centroids: Vec<[f64; 3]>,
     rule: shape::Rule<4, 4, 2>,
 }
 
@@ -28,12 +26,11 @@ impl Pressure {
         points: &[[f64; 3]],
         faces: Vec<[u32; 4]>,
     ) -> Self {
+        let centroids = faces.iter().map(|f| super::mean(&f.map(|n| points[n as usize]))).collect();
         Pressure {
-            name: name.to_string(),
+            groups: Groups::new(name, Part::Load, &faces, centroids),
             control,
             origin: origin.into(),
-            centroids: faces.iter().map(|f| super::mean(&f.map(|n| points[n as usize]))).collect(),
-            nodes: faces,
             rule: shape::quad4(),
         }
     }
@@ -41,7 +38,7 @@ impl Pressure {
     /// r = x − o and the tangents ∂x/∂ξ, ∂x/∂η at point `g` of a face.
     fn frame(&self, face: usize, g: usize, x: &[f64]) -> [Vector3<f64>; 3] {
         let (mut r, mut t1, mut t2) = (-self.origin, Vector3::zeros(), Vector3::zeros());
-        for (a, &n) in self.nodes[face].iter().enumerate() {
+        for (a, &n) in self.groups.nodes::<4>(face).iter().enumerate() {
             let p = Vector3::from(point(x, n));
             r += p * self.rule.n[g][a];
             t1 += p * self.rule.dn[g][a][0];
@@ -52,29 +49,13 @@ impl Pressure {
 }
 
 impl Effect for Pressure {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn part(&self) -> Part {
-        Part::Load
-    }
-
-    fn nodes_per_group(&self) -> usize {
-        4
-    }
-
-    fn nodes(&self) -> &[u32] {
-        self.nodes.as_flattened()
-    }
-
-    fn centroid(&self, group: usize) -> [f64; 3] {
-        self.centroids[group]
+    fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     fn energy(&self, s: &State) -> f64 {
         let mut volume = 0.0;
-        for face in 0..self.nodes.len() {
+        for face in 0..self.groups.len() {
             for g in 0..4 {
                 let [r, t1, t2] = self.frame(face, g, s.x);
                 volume += self.rule.w[g] * r.dot(&t1.cross(&t2));

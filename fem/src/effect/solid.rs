@@ -1,6 +1,6 @@
 //! Solid elements of one region and one law.
 
-use super::{Effect, Part, SolidState, State, mean, point};
+use super::{Effect, Groups, Part, SolidState, State, mean, point};
 use crate::element::{Formulation, Rule, SolidElement};
 use crate::material::Material;
 use rayon::prelude::*;
@@ -26,12 +26,10 @@ impl<L: Material> LawField for Uniform<L> {
 
 /// Solid elements with `N` nodes and `G` quadrature points.
 pub struct Solid<F, const N: usize, const G: usize> {
-    name: String,
+    groups: Groups,
     field: F,
     formulation: Formulation,
-    nodes: Vec<[u32; N]>,
     elements: Vec<SolidElement<N, G>>,
-    centroids: Vec<[f64; 3]>,
 }
 
 /// Least number of elements handed to one task.
@@ -55,38 +53,22 @@ impl<F: LawField, const N: usize, const G: usize> Solid<F, N, G> {
             elements.push(SolidElement::new(rule, &X).map_err(|det| (cell, det))?);
             centroids.push(mean(&X));
         }
-        Ok(Solid { name: name.to_string(), field, formulation, nodes, elements, centroids })
+        Ok(Solid { groups: Groups::new(name, Part::Matrix, &nodes, centroids), field, formulation, elements })
     }
 
     #[inline(always)]
     fn positions(&self, cell: usize, s: &State) -> [[f64; 3]; N] {
-        self.nodes[cell].map(|n| point(s.x, n))
+        self.groups.nodes(cell).map(|n| point(s.x, n))
     }
 }
 
 impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn part(&self) -> Part {
-        Part::Matrix
-    }
-
-    fn nodes_per_group(&self) -> usize {
-        N
-    }
-
-    fn nodes(&self) -> &[u32] {
-        self.nodes.as_flattened()
-    }
-
-    fn centroid(&self, group: usize) -> [f64; 3] {
-        self.centroids[group]
+    fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     fn energy(&self, s: &State) -> f64 {
-        let energies: Vec<f64> = (0..self.nodes.len())
+        let energies: Vec<f64> = (0..self.elements.len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|c| self.elements[c].energy(self.formulation, &self.field.law(c, s), &self.positions(c, s)))
@@ -117,7 +99,7 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
     }
 
     fn least_det_f(&self, s: &State) -> Option<(f64, usize)> {
-        let least: Vec<f64> = (0..self.nodes.len())
+        let least: Vec<f64> = (0..self.elements.len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|c| {

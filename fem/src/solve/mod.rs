@@ -6,18 +6,24 @@ pub mod block_matrix;
 pub mod cholesky;
 mod dissection;
 mod islands;
+mod line_search;
 mod linear;
+mod load_step;
 mod log;
 mod newton;
+mod outcome;
 mod rigid;
+mod solver;
+mod stability;
 
 pub use block_matrix::{BlockMatrix, PRESCRIBED, Pattern, Slots};
 pub use cholesky::{Analysis, Cholesky, Indefinite};
 pub use islands::{Island, advance_islands};
 pub use linear::{LinearReport, LinearSolver};
 pub use log::{Iteration, IterationLog};
-pub use newton::{Advance, NotConverged, Reason, Settings, SolveError, Solver};
+pub use outcome::{Advance, NotConverged, Reason, SolveError};
 pub use rigid::{FreePart, free_parts};
+pub use solver::{Settings, Solver};
 use std::sync::Arc;
 
 /// The total potential Π of one island as a function of its unknowns.

@@ -1,0 +1,81 @@
+//! Line search on the energy along a Newton direction.
+//!
+//! Nocedal & Wright, Numerical Optimization, 2nd ed., ch. 3; the test that takes over where energy differences drown in
+//! round-off is the approximate Wolfe condition of Hager & Zhang, SIAM J. Optim. 16 (2005).
+
+use super::linear::dot;
+use super::newton::Run;
+use super::{BlockMatrix, Loading, Reason};
+
+/// Shortest share of a Newton step or of a load step carried over that is tried.
+const LEAST_STEP_LENGTH: f64 = 1e-6;
+/// Share of the predicted decrease that a step must reach (Armijo).
+const ARMIJO: f64 = 1e-4;
+/// Energy differences below this share of the energy are taken for round-off.
+const ENERGY_ROUND_OFF: f64 = 1e-11;
+
+impl Run<'_> {
+    /// Finds the share of `dx` to take; leaves x + share · dx in `trial` and its energy in `energy`. `round_off` of the
+    /// energy \[J\] where it is near zero.
+    pub(super) fn line_search(
+        &self,
+        potential: &dyn Loading,
+        x: &[f64],
+        g: &[f64],
+        dx: &[f64],
+        round_off: f64,
+        energy: &mut f64,
+        trial: &mut [f64],
+    ) -> Result<f64, Reason> {
+        let slope = dot(g, dx);
+        if slope >= 0.0 || slope.is_nan() {
+            return Err(Reason::NoDescent);
+        }
+        let mut length = 1.0;
+        let mut inverted = false;
+        let mut g_trial = Vec::new();
+        while length >= LEAST_STEP_LENGTH {
+            for i in 0..x.len() {
+                trial[i] = x[i] + length * dx[i];
+            }
+            let e = potential.energy(trial);
+            if !e.is_finite() {
+                inverted = true;
+                length /= 2.0;
+                continue;
+            }
+            inverted = false;
+            let change = e - *energy;
+            if change <= ARMIJO * length * slope {
+                *energy = e;
+                return Ok(length);
+            }
+            if change.abs() <= round_off.max(ENERGY_ROUND_OFF * energy.abs().max(e.abs())) {
+                g_trial.resize(x.len(), 0.0);
+                self.gradient(potential, trial, &mut g_trial);
+                if dot(&g_trial, dx) <= -0.8 * slope {
+                    *energy = e;
+                    return Ok(length);
+                }
+            }
+            let parabola = -0.5 * slope * length * length / (change - slope * length);
+            length = parabola.clamp(0.1 * length, 0.5 * length);
+        }
+        Err(if inverted { Reason::Inversion } else { Reason::NoDescent })
+    }
+}
+
+/// Round-off of the energy \[J\] near a stress-free shape, where the terms of a law cancel: ε times stiffness times length
+/// squared, as moduli times volume are; of the softest unknown, so that nothing stiff beside it hides its descent.
+pub(super) fn energy_round_off(k: &BlockMatrix, x: &[f64]) -> f64 {
+    let farthest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let softest = (0..x.len()).map(|i| k.diagonal(i)).fold(f64::INFINITY, f64::min).max(0.0);
+    2.0 * f64::EPSILON * farthest * farthest * softest * (x.len() as f64).sqrt()
+}
+
+/// Residual \[N\] that round-off of the positions alone makes: ε · |x| in every position times its stiffness.
+pub(super) fn round_off(k: &BlockMatrix, x: &[f64]) -> f64 {
+    let farthest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let stiffness = (0..x.len()).map(|i| k.diagonal(i).powi(2)).sum::<f64>().sqrt();
+    2.0 * f64::EPSILON * farthest * stiffness
+}

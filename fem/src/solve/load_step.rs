@@ -1,0 +1,113 @@
+//! One load step: the load is carried over, Newton's method finds the equilibrium, an unstable one is left.
+//!
+//! From t₀ to t₁ K Δx = −(g + ∂g/∂t (t₁ − t)) moves the free nodes along with what is prescribed, by the largest share of the
+//! step that inverts nothing; from there Newton's method starts.
+
+use super::newton::{FIRST_BLEND, Run, Taken};
+use super::{Loading, NotConverged, Reason};
+use std::time::Instant;
+
+/// While the load is carried over, least det F may fall to this share in one go.
+const DET_F_SHARE: f64 = 0.1;
+/// Attempts to carry the load over within one load step.
+const MAX_CARRIES: usize = 16;
+
+impl Run<'_> {
+    /// From the equilibrium at `t` to that at `target`.
+    pub(super) fn load_step(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        t: f64,
+        target: f64,
+    ) -> Result<(), Box<NotConverged>> {
+        self.definite = false;
+        self.blend = FIRST_BLEND;
+        self.met_indefinite = false;
+        self.carry_over(potential, x, t, target)?;
+        let mut kicks = 0;
+        loop {
+            self.newton(potential, x, target)?;
+            if self.met_indefinite && self.report.indefinite_at.last() != Some(&target) {
+                self.report.indefinite_at.push(target);
+            }
+            let doubtful = self.met_indefinite || self.settings.check_stability;
+            if !doubtful || kicks == 3 || self.is_stable(potential, x) {
+                return Ok(());
+            }
+            self.report.unstable_at.push(target);
+            tracing::info!(island = %self.name, step = self.step, load = target, "equilibrium is unstable, leaving it");
+            kicks += 1;
+            self.leave(potential, x, kicks);
+        }
+    }
+
+    /// Moves the load to `target` and the free nodes along with it.
+    fn carry_over(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        mut t: f64,
+        target: f64,
+    ) -> Result<(), Box<NotConverged>> {
+        let n = x.len();
+        let (mut g, mut ahead, mut moved) = (vec![0.0; n], vec![0.0; n], x.to_vec());
+        let (mut dx, mut trial) = (vec![0.0; n], vec![0.0; n]);
+        for iteration in 0..MAX_CARRIES {
+            if t >= target {
+                return Ok(());
+            }
+            let start = Instant::now();
+            // ∂g/∂t by a difference over a millionth of the way: only a prediction hangs on it.
+            let share = 1e-6;
+            potential.gradient(x, &mut g);
+            moved.copy_from_slice(x);
+            potential.set_load(t + share * (target - t), &mut moved);
+            potential.gradient(&moved, &mut ahead);
+            if moved == x && ahead == g {
+                potential.set_load(target, x); // nothing moves with the load: no step to predict
+                return Ok(());
+            }
+            potential.set_load(t, x);
+            let rhs: Vec<f64> = (0..n).map(|i| -g[i] - (ahead[i] - g[i]) / share).collect();
+            self.report.assembly_s += start.elapsed().as_secs_f64();
+            if rhs.iter().any(|r| !r.is_finite()) {
+                return Err(self.failure(potential, x, Reason::NotFinite, iteration, &g));
+            }
+            let (report, projected) = self.direction(potential, x, rhs, 1e-3, &mut dx)?;
+            for i in 0..n {
+                if self.is_fixed(i) {
+                    dx[i] = (moved[i] - x[i]) / share;
+                }
+            }
+            let (det_before, _) = potential.least_det_f(x);
+            let mut length = 1.0;
+            loop {
+                let load = if length == 1.0 { target } else { t + length * (target - t) };
+                for i in 0..n {
+                    trial[i] = x[i] + length * dx[i];
+                }
+                potential.set_load(load, &mut trial);
+                let admissible = potential.energy(&trial).is_finite()
+                    && (det_before <= 0.0 || potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before);
+                if admissible {
+                    x.copy_from_slice(&trial);
+                    t = load;
+                    break;
+                }
+                length /= 2.0;
+                if length < 1.0 / 256.0 {
+                    potential.set_load(t, x);
+                    return Err(self.failure(potential, x, Reason::Inversion, iteration, &g));
+                }
+            }
+            let taken = Taken { step_length: length, linear: report, projected };
+            potential.gradient(x, &mut g);
+            self.record(potential, x, t, 0, &g, &taken, start);
+        }
+        if t >= target {
+            return Ok(());
+        }
+        Err(self.failure(potential, x, Reason::Inversion, MAX_CARRIES, &g))
+    }
+}

@@ -1,0 +1,153 @@
+//! How a load ended: what it took, or where and why it could be carried no farther.
+
+use super::FreePart;
+use thiserror::Error;
+
+/// How an island came to equilibrium under the full load.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Advance {
+    /// Load steps taken, and tried in vain.
+    pub load_steps: usize,
+    /// Load steps that failed and were tried again shorter.
+    pub retries: usize,
+    /// Newton iterations, those of failed load steps included.
+    pub iterations: usize,
+    /// Conjugate gradient iterations.
+    pub linear_iterations: usize,
+    /// Factorizations.
+    pub factorizations: usize,
+    /// Residual ‖g‖ \[N\] at the end.
+    pub residual: f64,
+    /// Forces in play \[N\] at the end.
+    pub force_scale: f64,
+    /// Potential \[J\] at the end.
+    pub energy: f64,
+    /// Least det F at the end.
+    pub least_det_f: f64,
+    /// Load steps (their ends) on whose way the Hessian was indefinite: buckling or a limit point is near, or the
+    /// start of the step was far from equilibrium.
+    pub indefinite_at: Vec<f64>,
+    /// Loads at which an equilibrium was found unstable (buckling, snap-through) and left for a stable one.
+    pub unstable_at: Vec<f64>,
+    /// Seconds in assembly (energy, gradient, Hessian).
+    pub assembly_s: f64,
+    /// Seconds in factorizations.
+    pub factorization_s: f64,
+    /// Seconds in conjugate gradients.
+    pub linear_s: f64,
+    /// Seconds in all.
+    pub total_s: f64,
+}
+
+/// Why a load step went no further.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Reason {
+    /// Every direction of descent inverts an element.
+    Inversion,
+    /// The energy does not fall along the Newton direction.
+    NoDescent,
+    /// The iterations ran out.
+    Iterations,
+    /// The Hessian is singular: no force resists this unknown.
+    Singular {
+        /// Its node.
+        node: String,
+        /// x, y or z.
+        direction: char,
+    },
+    /// Round-off of the positions alone makes forces greater than the residual that is wanted.
+    RoundOff {
+        /// These forces \[N\].
+        floor: f64,
+    },
+    /// A gradient or energy that is not a number.
+    NotFinite,
+}
+
+impl std::fmt::Display for Reason {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Reason::Inversion => write!(f, "every step would invert an element"),
+            Reason::NoDescent => write!(f, "the energy does not fall along the Newton direction"),
+            Reason::Iterations => write!(f, "the iterations ran out"),
+            Reason::Singular { node, direction } => {
+                write!(f, "nothing resists {node} along {direction}; support it or give it stiffness")
+            }
+            Reason::RoundOff { floor } => write!(
+                f,
+                "round-off of the positions alone makes forces of {floor:.1e} N; the stiffest parts are too stiff \
+                 beside the softest, or the tolerance is too small"
+            ),
+            Reason::NotFinite => write!(f, "forces are not finite numbers"),
+        }
+    }
+}
+
+/// Why there is no equilibrium to report. The positions left behind are the last good ones.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SolveError {
+    /// The start is no admissible state.
+    #[error(
+        "`{island}`, step {step}: the start is inadmissible, {place} has det F = {det_f:.2e}; mend the mesh there"
+    )]
+    Inadmissible {
+        /// Name of the island.
+        island: String,
+        /// Step of the run.
+        step: usize,
+        /// The worst element.
+        place: String,
+        /// Its least det F.
+        det_f: f64,
+    },
+    /// Parts of the mesh can move freely.
+    #[error(
+        "`{island}` is not supported, it moves without resistance: {}; prescribe nodes or tie it to something",
+        parts.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    )]
+    Unsupported {
+        /// Name of the island.
+        island: String,
+        /// What can move, and how.
+        parts: Vec<FreePart>,
+    },
+    /// The load could not be carried to its end.
+    #[error("{0}")]
+    NotConverged(Box<NotConverged>),
+}
+
+/// Where and why the load could be carried no farther.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NotConverged {
+    /// Name of the island.
+    pub island: String,
+    /// Step of the run.
+    pub step: usize,
+    /// Load of the last equilibrium; its positions are kept.
+    pub load: f64,
+    /// What stopped the last attempt to go farther.
+    pub reason: Reason,
+    /// Newton iterations of that attempt.
+    pub iterations: usize,
+    /// Residual \[N\] where it stopped.
+    pub residual: f64,
+    /// Residual \[N\] that was wanted there.
+    pub wanted: f64,
+    /// Least det F where it stopped.
+    pub det_f: f64,
+    /// The element that has it.
+    pub place: String,
+}
+
+impl std::fmt::Display for NotConverged {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let NotConverged { island, step, load, reason, iterations, residual, wanted, det_f, place } = self;
+        write!(
+            f,
+            "`{island}`, step {step}: not converged beyond load {load:.4}: {reason}; after {iterations} iterations the \
+             residual was {residual:.2e} N, wanted {wanted:.1e} N; least det F = {det_f:.2e} in {place}"
+        )
+    }
+}

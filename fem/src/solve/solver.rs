@@ -1,0 +1,153 @@
+//! The solver of one island: load steps as large as it bears, shorter where one fails.
+//!
+//! A load step that fails is tried again from the last equilibrium with a quarter of its length.
+
+use super::linear::LinearSolver;
+use super::newton::{FIRST_BLEND, Run};
+use super::rigid::free_parts;
+use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pattern, Reason, SolveError};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// How the solver works.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Wanted ‖g‖ relative to the forces in play ([`Potential::force_scale`](super::Potential::force_scale)).
+    pub tolerance: f64,
+    /// Newton iterations in one load step before it is tried shorter.
+    pub max_iterations: usize,
+    /// First load step; 1 is all at once.
+    pub first_step: f64,
+    /// Load steps shorter than this are not tried.
+    pub least_step: f64,
+    /// Factors of double precision from the start (single is tried first otherwise; the answer is double either way).
+    pub double_precision_factor: bool,
+    /// Test every equilibrium for stability (one factorization each) and leave unstable ones. Without it only those
+    /// are tested on whose way an indefinite Hessian was met.
+    pub check_stability: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            tolerance: 1e-6,
+            max_iterations: 60,
+            first_step: 1.0,
+            least_step: 1e-4,
+            double_precision_factor: false,
+            check_stability: false,
+        }
+    }
+}
+
+/// Solver of one island; keeps what the next step can use.
+#[derive(Debug)]
+pub struct Solver {
+    name: String,
+    settings: Settings,
+    kept: Option<Kept>,
+}
+
+/// What one pattern needs.
+#[derive(Debug)]
+struct Kept {
+    pattern: Arc<Pattern>,
+    /// The analysis, and the factor as long as it helps.
+    linear: LinearSolver,
+    /// Room for the Hessian.
+    k: BlockMatrix,
+}
+
+impl Solver {
+    /// `name`: of the island, for messages.
+    pub fn new(name: &str, settings: Settings) -> Solver {
+        Solver { name: name.to_string(), settings, kept: None }
+    }
+
+    /// Name of the island.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Carries `x`, near an equilibrium at load 0, to the equilibrium at load 1.
+    ///
+    /// `step`: the caller's count, for log and messages. Rows for the log are appended to `log`. After an error `x` is the
+    /// equilibrium at the load that the error names, and the potential has that load.
+    pub fn advance(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        step: usize,
+        log: &mut Vec<Iteration>,
+    ) -> Result<Advance, SolveError> {
+        let start = Instant::now();
+        potential.set_load(0.0, x);
+        if !potential.energy(x).is_finite() {
+            let (det_f, place) = potential.least_det_f(x);
+            return Err(SolveError::Inadmissible { island: self.name.clone(), step, place, det_f });
+        }
+        let (name, settings) = (self.name.clone(), self.settings);
+        let Kept { linear, k, .. } = self.prepare(potential, x)?;
+        let mut run = Run {
+            name,
+            settings,
+            step,
+            log,
+            report: Advance::default(),
+            linear,
+            k,
+            fixed: potential.fixed().to_vec(),
+            definite: false,
+            blend: FIRST_BLEND,
+            met_indefinite: false,
+        };
+        let (mut t, mut length) = (0.0, settings.first_step);
+        let mut good = x.to_vec();
+        while t < 1.0 {
+            let target = if t + length > 1.0 - 1e-9 { 1.0 } else { t + length };
+            let before = run.report.iterations;
+            match run.load_step(potential, x, t, target) {
+                Ok(()) => {
+                    run.report.load_steps += 1;
+                    t = target;
+                    good.copy_from_slice(x);
+                    if run.report.iterations - before <= 12 {
+                        length *= 2.0;
+                    }
+                }
+                Err(failure) => {
+                    run.report.retries += 1;
+                    x.copy_from_slice(&good);
+                    potential.set_load(t, x);
+                    run.linear.forget();
+                    length = (target - t) / 4.0;
+                    tracing::info!(island = %run.name, step, load = target, reason = %failure.reason, "load step fails, retry");
+                    let hopeless = matches!(failure.reason, Reason::NotFinite);
+                    if length < settings.least_step || hopeless {
+                        return Err(SolveError::NotConverged(Box::new(NotConverged { load: t, ..*failure })));
+                    }
+                }
+            }
+        }
+        run.report.total_s = start.elapsed().as_secs_f64();
+        Ok(run.report)
+    }
+
+    /// Analyses a new pattern and refuses an island that can move freely.
+    fn prepare(&mut self, potential: &dyn Loading, x: &[f64]) -> Result<&mut Kept, SolveError> {
+        let pattern = potential.pattern();
+        if !self.kept.as_ref().is_some_and(|kept| Arc::ptr_eq(&kept.pattern, pattern)) {
+            let analysis = Arc::new(Analysis::new(pattern, x));
+            let mut k = BlockMatrix::zeros(pattern.clone());
+            potential.hessian(x, false, &mut k);
+            let parts = free_parts(&k, potential.fixed(), x);
+            if !parts.is_empty() {
+                self.kept = None;
+                return Err(SolveError::Unsupported { island: self.name.clone(), parts });
+            }
+            let linear = LinearSolver::new(analysis, self.settings.double_precision_factor);
+            self.kept = Some(Kept { pattern: pattern.clone(), linear, k });
+        }
+        Ok(self.kept.as_mut().expect("kept for this pattern"))
+    }
+}
