@@ -214,6 +214,7 @@ fn effects(random: &mut Random) -> Vec<Sample> {
     vec![
         ("hex8, plain", Box::new(hex8(Formulation::Plain)), X.clone()),
         ("hex8, mean dilatation", Box::new(hex8(Formulation::MeanDilatation)), X.clone()),
+        ("hex8, scaled", Box::new(hex8(Formulation::MeanDilatation).scaled(vec![40.0])), X.clone()),
         ("hex8, mean dilatation, LS-DYNA law", Box::new(hex8_dyna.expect("good shape")), X.clone()),
         ("tet4", Box::new(tet4.expect("good shape")), X.clone()),
         ("tet10", Box::new(tet10.expect("good shape")), X10),

@@ -1,10 +1,11 @@
 //! Does a plan find every mistake of a scene, and leave out what the scene does not call for?
 
+use fem::measure::{solid_field, support_wrench};
 use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
 use fem::scene::*;
 use std::path::Path;
-use support::fem_scenes::{held, mooney_rivlin, solid};
+use support::fem_scenes::{displaced, held, mooney_rivlin, plan, solid, solve, tolerance};
 
 const BAR: &str = r#"
 mesh = "bar.vtu"
@@ -73,6 +74,12 @@ fn mistakes_are_named_with_place_and_remedy() {
         (compile(&|s| s.solids[0].region = "blok".to_string()), vec!["`blok`", "nearest: `block`"]),
         (compile(&|s| s.ties[0].nodes = "xmin".to_string()), vec!["`xmin`", "`x_min`"]),
         (compile(&|s| s.solids[0].density = -1.0), vec!["density [kg/m^3] is -1", "at least 0"]),
+        (compile(&|s| s.solids[0].scale = vec![1.0; 3]), vec!["scale has 3 entries", "one per cell (16)"]),
+        (
+            compile(&|s| s.solids[0].scale = [vec![1.0; 15], vec![0.0]].concat()),
+            vec!["solid `block`", "scale of cell 15 is 0", "positive"],
+        ),
+        (compile(&|s| s.solids[0].scale = vec![f64::INFINITY; 16]), vec!["scale of cell 0 is inf"]),
         (compile(&|s| s.solids[0].law = LawSpec::NeoHookean { young: 1e3, nu: 0.5 }), vec!["Poisson", "0.5"]),
         (compile(&|s| s.fibres[0].area = vec![1e-6, 2e-6]), vec!["areas has 2 entries, needs 1 or 8"]),
         (compile(&|s| s.fibres[0].area = vec![f64::NAN]), vec!["area [m^2] is NaN"]),
@@ -112,4 +119,45 @@ fn mistakes_are_named_with_place_and_remedy() {
     let mut broken = bar();
     broken.blocks[0].nodes[5] = 999;
     assert!(Plan::new(&scene, broken).err().expect("a bad node").to_string().contains("999"));
+}
+
+/// Two separate cubes in one region, cell for cell in turn, so that each island takes every other factor.
+#[test]
+fn a_factor_per_cell_multiplies_the_stiffness_of_that_cell() {
+    let one = generate::block([2; 3], [0.02; 3]);
+    let (mut mesh, n) = (one.clone(), one.points.len() as u32);
+    mesh.points.extend(one.points.iter().map(|p| [p[0] + 0.05, p[1], p[2]]));
+    mesh.blocks[0].nodes = one.blocks[0]
+        .cells()
+        .flat_map(|c| [c.to_vec(), c.iter().map(|i| i + n).collect()].concat())
+        .collect();
+    for name in ["z_min", "z_max"] {
+        let nodes = &one.node_sets[name];
+        mesh.node_sets.insert(name.to_string(), nodes.iter().flat_map(|&i| [i, i + n]).collect());
+        mesh.node_sets.get_mut(name).expect("just added").sort_unstable();
+    }
+    let press = displaced(&mesh, "z_max", |_| [0.0, 0.002, -0.004]);
+    let mut scene = Scene {
+        solids: vec![solid("block", mooney_rivlin(), None)],
+        prescribed: vec![held("z_min", [true; 3]), press],
+        ..Scene::default()
+    };
+    scene.solids[0].scale = (0..16).map(|cell| if cell % 2 == 0 { 1.0 } else { 40.0 }).collect();
+    let plan = plan(&scene, &mesh);
+    assert_eq!(plan.islands.len(), 2);
+    let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-12));
+    let top = &mesh.node_sets["z_max"];
+    let (soft, stiff): (Vec<u32>, Vec<u32>) = top.iter().partition(|&&i| i < n);
+    let force = |nodes: &[u32]| support_wrench(&plan, frame.snapshot(), nodes, [0.0; 3]).force;
+    for (soft, stiff) in force(&soft).into_iter().zip(force(&stiff)) {
+        assert!(
+            (stiff - 40.0 * soft).abs() < 1e-9 * stiff.abs().max(1.0),
+            "{stiff} N is not 40 times {soft} N"
+        );
+    }
+    let cells = solid_field(&plan, frame.snapshot(), "block").expect("a solid");
+    for pair in cells.chunks_exact(2) {
+        let off = (pair[1].cauchy - pair[0].cauchy * 40.0).amax() / pair[1].cauchy.amax();
+        assert!(off < 1e-9 && (pair[1].volume - pair[0].volume).abs() < 1e-15, "stress {off:.1e}");
+    }
 }

@@ -57,7 +57,7 @@ fn tissue() -> LawSpec {
 }
 
 fn solid(region: &str) -> SolidSpec {
-    SolidSpec { region: region.into(), law: tissue(), formulation: None, density: 1060.0 }
+    SolidSpec::new(region, tissue())
 }
 
 fn held(nodes: &str) -> PrescribedSpec {

@@ -56,6 +56,18 @@ pub struct SolidSpec {
     /// Density \[kg/m³\], for gravity.
     #[serde(default = "soft_tissue_density")]
     pub density: f64,
+    /// Factor on the energy density of each cell (tissue that passes into tendon, say), one per cell; empty: 1 everywhere.
+    /// Active stress is multiplied too, weight is not.
+    #[serde(default)]
+    pub scale: Vec<f64>,
+}
+
+impl SolidSpec {
+    /// A region with everything else at its default.
+    pub fn new(region: &str, law: LawSpec) -> SolidSpec {
+        let (region, density) = (region.to_string(), soft_tissue_density());
+        SolidSpec { region, law, formulation: None, density, scale: Vec::new() }
+    }
 }
 
 fn soft_tissue_density() -> f64 {

@@ -46,7 +46,7 @@ fn tissue(young: f64, nu: f64) -> LawSpec {
 }
 
 fn solid(region: &str, law: LawSpec) -> SolidSpec {
-    SolidSpec { region: region.into(), law, formulation: None, density: 1060.0 }
+    SolidSpec::new(region, law)
 }
 
 fn held(nodes: &str) -> PrescribedSpec {

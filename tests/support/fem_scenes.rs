@@ -39,7 +39,7 @@ pub fn mooney_rivlin() -> LawSpec {
 
 /// A solid region.
 pub fn solid(region: &str, law: LawSpec, formulation: Option<FormulationSpec>) -> SolidSpec {
-    SolidSpec { region: region.to_string(), law, formulation, density: 1060.0 }
+    SolidSpec { formulation, ..SolidSpec::new(region, law) }
 }
 
 /// Adds the set `boundary` of all nodes on the faces of a [`generate::block`].

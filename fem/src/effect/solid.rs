@@ -30,6 +30,8 @@ pub struct Solid<F, const N: usize, const G: usize> {
     field: F,
     formulation: Formulation,
     elements: Vec<SolidElement<N, G>>,
+    /// Factor on the energy density of each element; empty: 1 everywhere.
+    scale: Vec<f64>,
 }
 
 /// Least number of elements handed to one task.
@@ -53,7 +55,25 @@ impl<F: LawField, const N: usize, const G: usize> Solid<F, N, G> {
             elements.push(SolidElement::new(rule, &X).map_err(|det| (cell, det))?);
             centroids.push(mean(&X));
         }
-        Ok(Solid { groups: Groups::new(name, Part::Matrix, &nodes, centroids), field, formulation, elements })
+        Ok(Solid {
+            groups: Groups::new(name, Part::Matrix, &nodes, centroids),
+            field,
+            formulation,
+            elements,
+            scale: Vec::new(),
+        })
+    }
+
+    /// The same with a factor on the energy density of each element.
+    pub fn scaled(mut self, scale: Vec<f64>) -> Self {
+        assert!(scale.is_empty() || scale.len() == self.elements.len(), "one factor per element");
+        self.scale = scale;
+        self
+    }
+
+    #[inline(always)]
+    fn scale(&self, cell: usize) -> f64 {
+        if self.scale.is_empty() { 1.0 } else { self.scale[cell] }
     }
 
     #[inline(always)]
@@ -71,7 +91,10 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         let energies: Vec<f64> = (0..self.elements.len())
             .into_par_iter()
             .with_min_len(CHUNK)
-            .map(|c| self.elements[c].energy(self.formulation, &self.field.law(c, s), &self.positions(c, s)))
+            .map(|c| {
+                let (law, x) = (self.field.law(c, s), self.positions(c, s));
+                self.scale(c) * self.elements[c].energy(self.formulation, &law, &x)
+            })
             .collect();
         energies.iter().sum()
     }
@@ -80,7 +103,8 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         for (c, out) in (first..).zip(out.chunks_exact_mut(3 * N)) {
             let law = self.field.law(c, s);
             let f = self.elements[c].gradient(self.formulation, &law, &self.positions(c, s));
-            out.copy_from_slice(f.as_flattened());
+            let scale = self.scale(c);
+            out.iter_mut().zip(f.as_flattened()).for_each(|(out, f)| *out = scale * f);
         }
     }
 
@@ -88,13 +112,16 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         for (c, out) in (first..).zip(out.chunks_exact_mut(9 * N * N)) {
             let law = self.field.law(c, s);
             self.elements[c].hessian(self.formulation, &law, &self.positions(c, s), projected, out);
+            if !self.scale.is_empty() {
+                out.iter_mut().for_each(|k| *k *= self.scale[c]);
+            }
         }
     }
 
     fn solid_state(&self, s: &State, group: usize) -> Option<SolidState> {
         let element = &self.elements[group];
         let x = self.positions(group, s);
-        let cauchy = element.mean_cauchy(self.formulation, &self.field.law(group, s), &x);
+        let cauchy = element.mean_cauchy(self.formulation, &self.field.law(group, s), &x) * self.scale(group);
         Some(SolidState { volume: element.volume, volume_ratio: element.dilatation(&x), cauchy })
     }
 

@@ -93,11 +93,13 @@ pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, Sc
             Law::Blemker(BlemkerFibre { law, a0: Vector3::x() })
         }
     };
+    check_scale(&user, &spec.scale, block.n_cells())?;
     let field = Field { law, directions: fibres, activation };
+    let scale = spec.scale.clone();
     let build = match block.kind {
-        CellKind::Hex8 => builder(shape::hex8, formulation, field),
-        CellKind::Tet4 => builder(shape::tet4, formulation, field),
-        CellKind::Tet10 => builder(shape::tet10, formulation, field),
+        CellKind::Hex8 => builder(shape::hex8, formulation, field, scale),
+        CellKind::Tet4 => builder(shape::tet4, formulation, field, scale),
+        CellKind::Tet10 => builder(shape::tet10, formulation, field, scale),
         found => {
             let (block, needed) = (block.name.clone(), "hexahedra or tetrahedra");
             return Err(SceneError::Kind { user, block, found, needed });
@@ -105,6 +107,22 @@ pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, Sc
     };
     let (nodes_per_group, nodes) = (block.kind.n_nodes(), block.nodes.clone());
     Ok(Term { name: spec.region.clone(), nodes_per_group, nodes, couples: true, build })
+}
+
+/// Refuses factors that are not one per cell or not positive, naming the first cell.
+fn check_scale(user: &str, scale: &[f64], n_cells: usize) -> Result<(), SceneError> {
+    if !scale.is_empty() && scale.len() != n_cells {
+        return Err(SceneError::Count {
+            user: user.to_string(),
+            quantity: "scale",
+            found: scale.len(),
+            needed: format!("one per cell ({n_cells}) or none"),
+        });
+    }
+    for (cell, &factor) in scale.iter().enumerate().filter(|(_, s)| !(**s > 0.0 && s.is_finite())) {
+        check(user, &format!("scale of cell {cell}"), factor, false, "positive and finite")?;
+    }
+    Ok(())
 }
 
 fn positive(user: &str, values: &[(&str, f64)]) -> Result<(), SceneError> {
@@ -120,12 +138,14 @@ fn builder<const N: usize, const G: usize>(
     rule: fn() -> Rule<N, G, 3>,
     formulation: Formulation,
     field: Field,
+    scale: Vec<f64>,
 ) -> Builder {
     Box::new(move |name, points, nodes, cells| {
         let (nodes, _) = nodes.as_chunks::<N>();
         let solid = Solid::new(name, field.restrict(cells), formulation, &rule(), points, nodes.to_vec());
+        let scale = cells.iter().filter_map(|&c| scale.get(c as usize).copied()).collect();
         match solid {
-            Ok(solid) => Ok(Box::new(solid) as Box<dyn Effect>),
+            Ok(solid) => Ok(Box::new(solid.scaled(scale)) as Box<dyn Effect>),
             Err((at, det)) => {
                 Err(SceneError::Shape { block: name.to_string(), cell: cells[at] as usize, det })
             }

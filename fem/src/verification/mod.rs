@@ -217,7 +217,7 @@ impl Solved {
 /// The region `block` of the benchmark material.
 pub(crate) fn matrix_block() -> SolidSpec {
     let law = LawSpec::MooneyRivlin { c10: MATRIX.c10, c01: MATRIX.c01, bulk: MATRIX.bulk };
-    SolidSpec { region: "block".into(), law, formulation: None, density: DENSITY }
+    SolidSpec { density: DENSITY, ..SolidSpec::new("block", law) }
 }
 
 /// Components of a node set that stay where they are.
