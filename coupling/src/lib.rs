@@ -6,3 +6,4 @@ pub mod measured;
 pub mod optimize;
 pub mod output;
 pub mod report;
+pub mod thigh_tables;
