@@ -17,7 +17,7 @@ FRAMES = 10
 
 
 def frame(folder, name, number):
-    grid = pv.read(f"{folder}/{name}_{number:04}.vtu")
+    grid = pv.read(f"{folder}/{name}/{name}_{number:04}.vtu")
     rest = grid.extract_cells(grid.celltypes == pv.CellType.HEXAHEDRON)
     rest.cell_data["stress [kPa]"] = rest.cell_data["von_mises_Pa"] / 1e3
     fibres = grid.extract_cells(grid.celltypes == pv.CellType.LINE)

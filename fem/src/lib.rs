@@ -13,6 +13,7 @@ pub mod element;
 pub mod material;
 pub mod measure;
 pub mod mesh;
+pub mod output;
 pub mod plan;
 pub mod run;
 pub mod scene;

@@ -4,6 +4,7 @@ use crate::measure::Snapshot;
 use crate::plan::{Load, LoadedIsland, Plan};
 use crate::solve::{Advance, Iteration, Settings, SolveError, Solver};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// Loads in time; the way to the first starts at the mesh as read, with all controls at zero and bodies in place.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,6 +74,17 @@ impl Run {
     }
 }
 
+/// A frame as the solver leaves it.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<'a> {
+    /// Equilibrium, or the last good state where there are errors.
+    pub frame: &'a Frame,
+    /// Newton iterations that led there.
+    pub iterations: &'a [Iteration],
+    /// Why there is no equilibrium, per island; empty: there is.
+    pub errors: &'a [SolveError],
+}
+
 /// Carries a plan along a drive, from the mesh as read or from positions `start` \[m\] of all nodes; stops at the
 /// first frame that is not solved. `on_frame` sees every solved frame as it comes.
 pub fn run(
@@ -81,6 +93,22 @@ pub fn run(
     settings: &Settings,
     start: Option<&[f64]>,
     on_frame: &mut dyn FnMut(&Frame),
+) -> Run {
+    run_steps(plan, drive, settings, start, &mut |step| {
+        if step.errors.is_empty() {
+            on_frame(step.frame);
+        }
+        ControlFlow::Continue(())
+    })
+}
+
+/// [`run`] whose every step, the one that fails included, is shown to `on_step`; a `Break` ends the run after it.
+pub fn run_steps(
+    plan: &Plan,
+    drive: &Drive,
+    settings: &Settings,
+    start: Option<&[f64]>,
+    on_step: &mut dyn FnMut(&Step) -> ControlFlow<()>,
 ) -> Run {
     let mut out = Run::default();
     let mut x = start.map_or_else(|| plan.reference(), <[f64]>::to_vec);
@@ -111,6 +139,7 @@ pub fn run(
             })
             .collect();
         let mut islands = Vec::new();
+        let before = out.iterations.len();
         for (island, (local, result, rows)) in plan.islands.iter().zip(results) {
             for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
                 x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
@@ -122,12 +151,16 @@ pub fn run(
             }
         }
         let state = Frame { time: frame.time, load: frame.load.clone(), x: x.clone(), islands };
+        let shown = Step { frame: &state, iterations: &out.iterations[before..], errors: &out.errors };
+        let flow = on_step(&shown);
         if !out.errors.is_empty() {
             out.unsolved = Some(state);
             return out;
         }
-        on_frame(&state);
         out.frames.push(state);
+        if flow.is_break() {
+            return out;
+        }
         from = frame.load.clone();
     }
     out

@@ -339,7 +339,7 @@ impl<'a> Reader<'a> {
         })?;
         let ids = self.block_ids(n_cells, budget)?;
         let kind_of =
-            |number: u8| CELL_TYPES.iter().find(|t| t.0 == number.into()).map_or(CellKind::Hex8, |t| t.1);
+            |number: u8| CELL_TYPES.iter().find(|t| t.0 == u32::from(number)).map_or(CellKind::Hex8, |t| t.1);
         // Slots in the order of first appearance, or of the index written with the block.
         let mut slots: BTreeMap<(u32, CellKind), u32> = BTreeMap::new();
         let mut parts: Vec<(String, CellKind, Vec<u32>)> = Vec::new();

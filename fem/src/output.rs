@@ -1,0 +1,204 @@
+//! A run as files that a person can follow: a `.vtu` per frame, a collection that grows, a log, and how it ended.
+//!
+//! | file | what | when |
+//! |---|---|---|
+//! | `NAME_0000.vtu` … | a solved frame | as it is solved |
+//! | `NAME.pvd` | the frames so far, for ParaView | after every frame |
+//! | `iterations.csv` | a row per Newton iteration | at the end (`iterations.csv.part` before) |
+//! | `NAME_unsolved.vtu` | the last good state before a frame that has no equilibrium | when that happens |
+//! | `NAME.json` | how the run ended: island, element or node and reason of a failure | last |
+//!
+//! Every file appears complete or not at all. A folder without `NAME.json` holds a run that is going on or was killed.
+
+#![allow(non_snake_case)]
+
+use crate::measure::{fibre_states, solid_field};
+use crate::mesh::format::{pvd::PvdWriter, vtu, write_whole};
+use crate::mesh::{CellKind, MeshError};
+use crate::plan::Plan;
+use crate::run::{Drive, Frame, Run, Step, run_steps};
+use crate::solve::{IterationLog, Settings, SolveError};
+use serde_json::{Value, json};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// What could not be written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// A frame or the collection.
+    #[error("cannot write {0}")]
+    Mesh(#[from] MeshError),
+    /// Another file.
+    #[error("cannot write {}: {source}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// What the operating system answered.
+        source: std::io::Error,
+    },
+}
+
+/// [`crate::run::run`] that writes the files of the [module](self) to `folder`; those of an earlier run of this name are
+/// removed first. One run per folder, because of `iterations.csv`.
+///
+/// A run that finds no equilibrium is `Ok`, with [`Run::errors`]; an error is a file that could not be written, which stops the
+/// run. `on_frame` sees every solved frame when it is written.
+pub fn run_to_files(
+    plan: &Plan,
+    drive: &Drive,
+    settings: &Settings,
+    start: Option<&[f64]>,
+    folder: &Path,
+    name: &str,
+    on_frame: &mut dyn FnMut(&Frame),
+) -> Result<Run, OutputError> {
+    let mut files = RunFiles::create(folder, name)?;
+    let mut written = Ok(());
+    let run = run_steps(plan, drive, settings, start, &mut |step| {
+        written = files.write(plan, step);
+        if written.is_err() {
+            return ControlFlow::Break(());
+        }
+        if step.errors.is_empty() {
+            on_frame(step.frame);
+        }
+        ControlFlow::Continue(())
+    });
+    written?;
+    files.finish(plan, drive, &run)?;
+    Ok(run)
+}
+
+/// The files of a run that is going on.
+struct RunFiles {
+    series: PvdWriter,
+    log: IterationLog,
+    log_file: PathBuf,
+    /// `NAME_unsolved.vtu`.
+    unsolved: PathBuf,
+    /// `NAME.json`.
+    summary: PathBuf,
+}
+
+impl RunFiles {
+    fn create(folder: &Path, name: &str) -> Result<RunFiles, OutputError> {
+        let summary = folder.join(format!("{name}.json"));
+        remove(&summary)?;
+        let series = PvdWriter::create(folder, name)?;
+        let old = |entry: &str| {
+            let rest = entry.strip_prefix(name).and_then(|rest| rest.strip_prefix('_'));
+            let stem = rest.and_then(|r| r.strip_suffix(".part").unwrap_or(r).strip_suffix(".vtu"));
+            stem.is_some_and(|s| s == "unsolved" || (s.len() >= 4 && s.bytes().all(|b| b.is_ascii_digit())))
+        };
+        let entries = std::fs::read_dir(folder).map_err(|source| at(folder, source))?;
+        for entry in entries {
+            let entry = entry.map_err(|source| at(folder, source))?;
+            if entry.file_name().to_str().is_some_and(old) {
+                remove(&entry.path())?;
+            }
+        }
+        let log_file = folder.join("iterations.csv");
+        let log = IterationLog::create(folder).map_err(|source| at(&log_file, source))?;
+        Ok(RunFiles { series, log, log_file, unsolved: folder.join(format!("{name}_unsolved.vtu")), summary })
+    }
+
+    fn write(&mut self, plan: &Plan, step: &Step) -> Result<(), OutputError> {
+        self.log.write(step.iterations).map_err(|source| at(&self.log_file, source))?;
+        let (points, cells) = fields(plan, step.frame);
+        if step.errors.is_empty() {
+            self.series.push(step.frame.time, &plan.mesh, &points, &cells)?;
+        } else {
+            vtu::write(&self.unsolved, &plan.mesh, &points, &cells)?;
+        }
+        Ok(())
+    }
+
+    fn finish(self, plan: &Plan, drive: &Drive, run: &Run) -> Result<(), OutputError> {
+        self.log.finish().map_err(|source| at(&self.log_file, source))?;
+        let file_name = |file: &Path| file.file_name().map(|n| n.to_string_lossy().into_owned());
+        let mut summary = json!({
+            "status": if run.is_solved() { "solved" } else { "not converged" },
+            "frames_solved": run.frames.len(),
+            "frames_asked": drive.frames.len(),
+            "islands": plan.islands.iter().map(|i| i.name.as_str()).collect::<Vec<_>>(),
+            "newton_iterations": run.iterations.len(),
+        });
+        if let Some(frame) = &run.unsolved {
+            summary["unsolved_time"] = json!(frame.time);
+            summary["last_good_state"] = json!(file_name(&self.unsolved));
+            summary["failures"] = run.errors.iter().map(failure).collect();
+        }
+        let text = format!("{summary:#}\n");
+        Ok(write_whole(&self.summary, text.as_bytes())?)
+    }
+}
+
+/// Island, place and reason of a failure.
+fn failure(error: &SolveError) -> Value {
+    let message = error.to_string();
+    match error {
+        SolveError::Inadmissible { island, step, place, det_f } => json!({
+            "island": island, "frame": step, "place": place, "least_det_f": det_f,
+            "reason": "the start is inadmissible", "message": message,
+        }),
+        SolveError::Unsupported { island, parts } => json!({
+            "island": island, "parts": parts.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "reason": "moves without resistance", "message": message,
+        }),
+        SolveError::NotConverged(e) => json!({
+            "island": e.island, "frame": e.step, "load": e.load, "reason": e.reason.to_string(),
+            "place": e.place, "least_det_f": e.det_f, "iterations": e.iterations,
+            "residual_N": e.residual, "wanted_residual_N": e.wanted, "message": message,
+        }),
+    }
+}
+
+/// What a frame shows: at the nodes `displacement_m`; in solid cells `von_mises_Pa`, `pressure_Pa` and `volume_ratio`; in lines
+/// that carry fibres or strands under the name of their block `stretch` and `force_N`; not a number elsewhere.
+pub fn fields(plan: &Plan, frame: &Frame) -> ([vtu::Field<'static>; 1], Vec<vtu::Field<'static>>) {
+    let displacement: Vec<f64> = frame.x.iter().zip(plan.reference()).map(|(x, X)| x - X).collect();
+    let n = plan.mesh.n_cells();
+    let mut columns = ["von_mises_Pa", "pressure_Pa", "volume_ratio", "stretch", "force_N"]
+        .map(|name| (name, vec![f64::NAN; n]));
+    let mut first = 0;
+    for block in &plan.mesh.blocks {
+        if let Some(cells) = solid_field(plan, frame.snapshot(), &block.name) {
+            for (cell, state) in (first..).zip(cells) {
+                let [a, b, c] = state.principal;
+                columns[0].1[cell] = (((a - b).powi(2) + (b - c).powi(2) + (c - a).powi(2)) / 2.0).sqrt();
+                columns[1].1[cell] = -(a + b + c) / 3.0;
+                columns[2].1[cell] = state.volume_ratio;
+            }
+        } else if block.kind == CellKind::Line2
+            && let Some(lines) = fibre_states(plan, frame.snapshot(), &block.name)
+            && lines.len() == block.n_cells()
+        {
+            for (cell, state) in (first..).zip(lines) {
+                columns[3].1[cell] = state.stretch;
+                columns[4].1[cell] = state.force;
+            }
+        }
+        first += block.n_cells();
+    }
+    let field = |(name, values): (&'static str, Vec<f64>), components| vtu::Field {
+        name: name.into(),
+        components,
+        values: values.into(),
+    };
+    let filled = columns.into_iter().filter(|(_, values)| values.iter().any(|v| !v.is_nan()));
+    ([field(("displacement_m", displacement), 3)], filled.map(|column| field(column, 1)).collect())
+}
+
+fn at(file: &Path, source: std::io::Error) -> OutputError {
+    OutputError::File { file: file.into(), source }
+}
+
+/// Removes a file of an earlier run.
+fn remove(file: &Path) -> Result<(), OutputError> {
+    match std::fs::remove_file(file) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(at(file, e)),
+        _ => Ok(()),
+    }
+}
