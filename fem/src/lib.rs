@@ -10,6 +10,7 @@
 pub mod body;
 pub mod effect;
 pub mod element;
+pub mod geometry;
 pub mod material;
 pub mod measure;
 pub mod mesh;

@@ -8,7 +8,7 @@ mod abaqus_keywords;
 mod abaqus_write;
 pub mod gmsh;
 pub mod pvd;
-mod source;
+pub(crate) mod source;
 pub mod vtu;
 mod vtu_array;
 mod vtu_write;

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use crate::mesh::{MeshError, Place};
 
 /// The unread rest of a file.
-pub(super) struct Source<'a> {
+pub(crate) struct Source<'a> {
     pub file: &'a Path,
     pub bytes: &'a [u8],
     /// Next unread byte.
@@ -23,8 +23,12 @@ impl<'a> Source<'a> {
     }
 
     pub fn error(&self, reason: impl Into<String>) -> MeshError {
-        let place = if self.binary { Place::Byte(self.at) } else { Place::Line(self.line) };
-        format_error(self.file, place, reason)
+        format_error(self.file, self.place(), reason)
+    }
+
+    /// Where the unread rest begins.
+    pub fn place(&self) -> Place {
+        if self.binary { Place::Byte(self.at) } else { Place::Line(self.line) }
     }
 
     /// Next line without its end and surrounding blanks; `None` at the end of the file.
@@ -81,12 +85,12 @@ impl<'a> Source<'a> {
 }
 
 /// A format error of `file`.
-pub(super) fn format_error(file: &Path, place: Place, reason: impl Into<String>) -> MeshError {
+pub(crate) fn format_error(file: &Path, place: Place, reason: impl Into<String>) -> MeshError {
     MeshError::Format { file: file.into(), place, reason: reason.into() }
 }
 
 /// The first 40 characters, for messages.
-pub(super) fn shorten(text: &str) -> String {
+pub(crate) fn shorten(text: &str) -> String {
     let mut short: String = text.chars().take(40).collect();
     if short.len() < text.len() {
         short.push('…');
@@ -96,7 +100,7 @@ pub(super) fn shorten(text: &str) -> String {
 
 /// From the labels of a file to indices 0, 1, 2, …: sorted pairs, half the memory of a hash map.
 #[derive(Default)]
-pub(super) struct Labels(Vec<(u64, u32)>);
+pub(crate) struct Labels(Vec<(u64, u32)>);
 
 impl Labels {
     /// `labels` in the order of their indices; the doubled one, if any, as error.
@@ -128,7 +132,7 @@ impl Labels {
 }
 
 /// Bytes that lists which a file repeats or unpacks may still take, so that small files cannot ask for large memory.
-pub(super) struct Budget {
+pub(crate) struct Budget {
     left: usize,
     limit: usize,
 }
