@@ -192,6 +192,9 @@ fn effects(random: &mut Random) -> Vec<Sample> {
     let hex8 = |f| Solid::new("hex8", Uniform(mooney), f, &rule, &X, nodes.clone()).expect("good shape");
     let hex8_dyna = Solid::new("hex8", Uniform(dyna), Formulation::MeanDilatation, &rule, &X, nodes.clone());
     let tet4 = Solid::new("t", Uniform(mooney), Formulation::Plain, &shape::tet4(), &X, vec![[0, 1, 3, 4]]);
+    let halves = vec![[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]];
+    let wedge =
+        |f| Solid::new("w", Uniform(mooney), f, &shape::wedge6(), &X, halves.clone()).expect("good shape");
     let rule = shape::tet10();
     let mut X10: Vec<[f64; 3]> = X[..4].to_vec();
     X10[2] = X[3];
@@ -217,6 +220,8 @@ fn effects(random: &mut Random) -> Vec<Sample> {
         ("hex8, scaled", Box::new(hex8(Formulation::MeanDilatation).scaled(vec![40.0])), X.clone()),
         ("hex8, mean dilatation, LS-DYNA law", Box::new(hex8_dyna.expect("good shape")), X.clone()),
         ("tet4", Box::new(tet4.expect("good shape")), X.clone()),
+        ("wedge6", Box::new(wedge(Formulation::Plain)), X.clone()),
+        ("wedge6, mean dilatation", Box::new(wedge(Formulation::MeanDilatation)), X.clone()),
         ("tet10", Box::new(tet10.expect("good shape")), X10),
         ("membrane, St. Venant-Kirchhoff", membrane(svk), X.clone()),
         ("membrane, neo-Hookean", membrane(MembraneLaw::NeoHookean { mu: 3.0 }), X.clone()),
@@ -237,6 +242,7 @@ fn effects(random: &mut Random) -> Vec<Sample> {
 fn forces_and_stiffness_of_every_effect_are_derivatives() {
     let mut random = Random::new(2);
     for (name, effect, X) in effects(&mut random) {
+        let mut random = Random::new(2); // of its own, so that a new row leaves the others as they are
         let (mut worst_f, mut worst_K) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..20 {
             let mut vector =

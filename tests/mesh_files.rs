@@ -76,6 +76,42 @@ fn gmsh_files_of_all_versions_hold_the_same_mesh() {
     }
 }
 
+/// A wedge of volume 1/2: the triangle (0,0) (1,0) (0,1) over a height of 1, first node, then the second layer.
+#[test]
+fn wedges_of_all_formats_are_the_same_cell() {
+    let points = "0 0 0 1 0 0 0 1 0 0 0 1 1 0 1 0 1 1";
+    let numbers: Vec<&str> = points.split(' ').collect();
+    let nodes = |separator: &str| -> String {
+        numbers.chunks(3).zip(1..).map(|(p, i)| format!("{i}{separator}{}\n", p.join(separator))).collect()
+    };
+    let msh = format!(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n6\n{}$EndNodes\n$Elements\n1\n1 6 2 1 1 1 2 3 4 5 6\n$EndElements\n",
+        nodes(" ")
+    );
+    let inp = format!("*NODE\n{}*ELEMENT, TYPE=C3D6\n1,1,2,3,4,5,6\n", nodes(","));
+    let array = |kind: &str, name: &str, n: usize, text: &str| {
+        format!(
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{n}\" format=\"ascii\">{text}</DataArray>"
+        )
+    };
+    let vtu = format!(
+        "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\"><UnstructuredGrid>\
+         <Piece NumberOfPoints=\"6\" NumberOfCells=\"1\"><Points>{}</Points><Cells>{}{}{}</Cells></Piece>\
+         </UnstructuredGrid></VTKFile>",
+        array("Float64", "Points", 3, points),
+        array("Int64", "connectivity", 1, "0 1 2 3 4 5"),
+        array("Int64", "offsets", 1, "6"),
+        array("UInt8", "types", 1, "13")
+    );
+    for (name, text) in [("a.msh", msh), ("a.inp", inp), ("a.vtu", vtu)] {
+        let mesh = parse(name, text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
+        mesh.check().unwrap_or_else(|e| panic!("{name}: {e}"));
+        let block = &mesh.blocks[0];
+        assert_eq!((block.kind, &block.nodes[..]), (CellKind::Wedge6, &[0, 1, 2, 3, 4, 5][..]), "{name}");
+        assert!(close(mesh.volume(block), 0.5, 1e-15), "{name}: volume {}", mesh.volume(block));
+    }
+}
+
 #[test]
 fn quadratic_edges_of_gmsh_lie_between_their_corners() {
     let mesh = read("tet10_v41_ascii.msh");
@@ -262,6 +298,7 @@ fn meshes() -> Vec<(&'static str, Mesh)> {
         ("awkward", awkward),
         ("tet4", generate::tetrahedra(&generate::block([2, 2, 2], [1.0; 3]), false)),
         ("tet10", generate::tetrahedra(&generate::block([2, 1, 2], [0.3, 0.2, 0.7]), true)),
+        ("wedges", generate::wedges(&generate::block([2, 1, 3], [0.3, 0.2, 0.7]))),
         ("sphere", generate::sphere_octant(0.01, 0.015, 2, 2)),
         ("cylinder", generate::cylinder(0.01, 0.04, 4, 1, 3)),
         ("bars", generate::bars(3, [3, 1, 1], [0.3, 0.03, 0.03], 0.01)),
@@ -628,6 +665,7 @@ fn generated_meshes_have_the_shape_they_claim() {
             1e-13,
             0.3,
         ),
+        ("wedges", generate::wedges(&generate::block([3, 2, 2], [0.3, 0.2, 0.1])), 0.006, 1e-13, 0.8),
         ("cook", generate::cook(8), 48e-3 * 30e-3 * 1e-3, 1e-13, 0.6),
         // Chords of h = 5.6° (0.098) lie h²/6 = 0.0016 radii inside the sphere on average: three times that in volume.
         (
@@ -736,6 +774,11 @@ fn scaled_jacobian_of_known_shapes() {
     let regular = v(&[[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0]]);
     let turned = scaled_jacobian(CellKind::Tet4, &regular);
     assert!(close(turned.abs(), 1.0, 1e-14), "{turned}");
+    let h = 3f64.sqrt() / 2.0;
+    let wedge = [[0.0, 0.0], [1.0, 0.0], [0.5, h]];
+    let wedge: Vec<_> = [0.0, 1.0].iter().flat_map(|z| wedge.map(|[x, y]| [x, y, *z])).collect();
+    assert!(close(scaled_jacobian(CellKind::Wedge6, &v(&wedge)), 1.0, 1e-14));
+    assert!(close(scaled_jacobian(CellKind::Wedge6, &v(&[3, 4, 5, 0, 1, 2].map(|i| wedge[i]))), -1.0, 1e-14));
     // A cube sheared by 45°: all corners have det 1 and one edge of length √2.
     let sheared: Vec<_> = generate::mapped([1, 1, 1], |[x, y, z]| [x + y, y, z]).points;
     let order = [0, 1, 3, 2, 4, 5, 7, 6].map(|i| sheared[i]);

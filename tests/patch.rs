@@ -17,6 +17,7 @@ fn meshes() -> Vec<(&'static str, Mesh, Option<FormulationSpec>)> {
         ("hex8, mean dilatation", hex.clone(), Some(FormulationSpec::MeanDilatation)),
         ("hex8, plain", hex.clone(), Some(FormulationSpec::Plain)),
         ("tet4", generate::tetrahedra(&hex, false), None),
+        ("wedge6", generate::wedges(&hex), None),
         ("tet10", with_boundary(generate::tetrahedra(&hex, true)), None),
     ]
 }

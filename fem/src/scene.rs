@@ -50,7 +50,7 @@ pub struct SolidSpec {
     pub region: String,
     /// Law.
     pub law: LawSpec,
-    /// `mean_dilatation` (default of hexahedra) or `plain` (default of tetrahedra).
+    /// `mean_dilatation` (default of hexahedra) or `plain` (default of tetrahedra and wedges).
     #[serde(default)]
     pub formulation: Option<FormulationSpec>,
     /// Density \[kg/m³\], for gravity.

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 mod elements;
 mod equilibrium;
-mod fem;
+mod incompressible;
 mod rigid;
 
 /// When a case runs.
@@ -38,7 +38,9 @@ fn main() {
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
     let mut failed = 0;
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
-    for case in elements::CASES.iter().chain(equilibrium::CASES).chain(fem::CASES).chain(rigid::CASES) {
+    for case in
+        elements::CASES.iter().chain(equilibrium::CASES).chain(incompressible::CASES).chain(rigid::CASES)
+    {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
             continue;
         }

@@ -1,7 +1,7 @@
 //! Shape functions and quadrature of the solid and surface elements.
 //!
 //! Hughes, The Finite Element Method, Dover 2000, §3.2-3.9; Zienkiewicz & Taylor, The Finite Element Method, 6th ed.,
-//! vol. 1, §5.11 (tetrahedra). Node order as in [`crate::mesh::CellKind`].
+//! vol. 1, §5.11 (tetrahedra) and §5.12 (wedges). Node order as in [`crate::mesh::CellKind`].
 
 /// Shape functions at the points of a quadrature rule: `N` nodes, `G` points, `D` parametric directions.
 pub struct Rule<const N: usize, const G: usize, const D: usize> {
@@ -71,6 +71,27 @@ pub fn tet10() -> Rule<10, 4, 3> {
     let (a, b) = (0.138_196_601_125_010_5, 0.585_410_196_624_968_5);
     let at = [[a, a, a], [b, a, a], [a, b, a], [a, a, b]].map(tet10_at);
     Rule { w: [1.0 / 24.0; 4], n: at.map(|p| p.0), dn: at.map(|p| p.1) }
+}
+
+/// Wedge shape functions and derivatives at ξ (ξ, η ≥ 0, ξ + η ≤ 1, ζ in \[-1, 1\]).
+pub fn wedge6_at(xi: [f64; 3]) -> ([f64; 6], [[f64; 3]; 6]) {
+    let l = [1.0 - xi[0] - xi[1], xi[0], xi[1]];
+    let dl = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
+    let (mut n, mut dn) = ([0.0; 6], [[0.0; 3]; 6]);
+    for (a, z) in [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0].into_iter().enumerate() {
+        let (l, [dx, dy]) = (l[a % 3], dl[a % 3]);
+        let h = 0.5 * (1.0 + z * xi[2]);
+        n[a] = l * h;
+        dn[a] = [dx * h, dy * h, 0.5 * z * l];
+    }
+    (n, dn)
+}
+
+/// Wedge with three points in the triangle (exact to degree 2) at each of two Gauss points along the axis.
+pub fn wedge6() -> Rule<6, 6, 3> {
+    let (a, b, r) = (1.0 / 6.0, 2.0 / 3.0, 1.0 / 3.0_f64.sqrt());
+    let at = [[a, a, -r], [b, a, -r], [a, b, -r], [a, a, r], [b, a, r], [a, b, r]].map(wedge6_at);
+    Rule { w: [1.0 / 6.0; 6], n: at.map(|p| p.0), dn: at.map(|p| p.1) }
 }
 
 /// Bilinear shape functions and derivatives at ξ in \[-1, 1\]².

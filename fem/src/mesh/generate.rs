@@ -201,15 +201,7 @@ pub fn tetrahedra(mesh: &Mesh, quadratic: bool) -> Mesh {
         block.kind = if quadratic { CellKind::Tet10 } else { CellKind::Tet4 };
         block.nodes = nodes;
     }
-    let boundary =
-        out.blocks.iter().filter(|b| b.kind.is_solid()).filter_map(|b| b.boundary().ok()).flatten();
-    let triangles: HashMap<[u32; 4], [u32; 4]> = boundary.map(|f| (face_key(f), f)).collect();
-    for faces in out.surfaces.values_mut() {
-        let cut = |&[a, b, c, d]: &[u32; 4]| {
-            [[a, b, c], [a, c, d], [a, b, d], [b, c, d]].map(|[a, b, c]| face_key([a, b, c, c]))
-        };
-        *faces = faces.iter().flat_map(cut).filter_map(|key| triangles.get(&key).copied()).collect();
-    }
+    recut_surfaces(&mut out);
     let mut middle: Vec<_> = middle.into_iter().collect();
     middle.sort_unstable();
     for (name, set) in &mut out.node_sets {
@@ -219,6 +211,33 @@ pub fn tetrahedra(mesh: &Mesh, quadratic: bool) -> Mesh {
         *set = unique_nodes(set.iter().copied());
     }
     out
+}
+
+/// Every hexahedron cut into two wedges through the diagonals of its first and last face. Sets and surfaces follow, other
+/// blocks stay. The cut fits across cells as in [`tetrahedra`].
+pub fn wedges(mesh: &Mesh) -> Mesh {
+    const CUT: [[usize; 6]; 2] = [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]];
+    let mut out = mesh.clone();
+    for block in out.blocks.iter_mut().filter(|b| b.kind == CellKind::Hex8) {
+        let nodes =
+            block.cells().flat_map(|cell| CUT.map(|wedge| wedge.map(|i| cell[i]))).flatten().collect();
+        (block.kind, block.nodes) = (CellKind::Wedge6, nodes);
+    }
+    recut_surfaces(&mut out);
+    out
+}
+
+/// Replaces the quadrilaterals of surfaces by the triangles into which the cells behind them were cut.
+fn recut_surfaces(mesh: &mut Mesh) {
+    let boundary =
+        mesh.blocks.iter().filter(|b| b.kind.is_solid()).filter_map(|b| b.boundary().ok()).flatten();
+    let boundary: HashMap<[u32; 4], [u32; 4]> = boundary.map(|f| (face_key(f), f)).collect();
+    for faces in mesh.surfaces.values_mut() {
+        let parts = |&[a, b, c, d]: &[u32; 4]| {
+            [[a, b, c, d], [a, b, c, c], [a, c, d, d], [a, b, d, d], [b, c, d, d]].map(face_key)
+        };
+        *faces = faces.iter().flat_map(parts).filter_map(|key| boundary.get(&key).copied()).collect();
+    }
 }
 
 /// Adds `other` to `mesh` under a prefix: blocks, sets and surfaces get the names `prefix_name` (`prefix` where the name is empty).

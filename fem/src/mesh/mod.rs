@@ -25,6 +25,8 @@ pub enum CellKind {
     Tet4,
     /// Quadratic tetrahedron, 10 nodes.
     Tet10,
+    /// Linear wedge (triangular prism), 6 nodes.
+    Wedge6,
     /// Bilinear quadrilateral, 4 nodes (membrane or surface).
     Quad4,
     /// Linear triangle, 3 nodes (surface).

@@ -60,8 +60,8 @@ impl Mesh {
 }
 
 /// Least over the corners of det(e₁, e₂, e₃) / (|e₁||e₂||e₃|), e the edges that leave the corner; for tetrahedra times √2
-/// (from their corner nodes), so that the regular one has 1 (Knupp et al., The Verdict Library, 2006, §5.8 and §6.14,
-/// with the edges of each corner in place of the largest product). `X`: nodes of a solid cell \[m\].
+/// (from their corner nodes) and for wedges times 2/√3, so that the regular ones have 1 (Knupp et al., The Verdict Library,
+/// 2006, §5.8, §6.14 and ch. 8, with the edges of each corner in place of the largest product). `X`: nodes of a solid cell \[m\].
 pub fn scaled_jacobian(kind: CellKind, X: &[Vector3<f64>]) -> f64 {
     const HEX_CORNERS: [[usize; 4]; 8] = [
         [0, 1, 3, 4],
@@ -74,8 +74,13 @@ pub fn scaled_jacobian(kind: CellKind, X: &[Vector3<f64>]) -> f64 {
         [7, 6, 4, 3],
     ];
     const TET_CORNERS: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [3, 0, 2, 1]];
-    let (corners, scale): (&[[usize; 4]], f64) =
-        if kind == CellKind::Hex8 { (&HEX_CORNERS, 1.0) } else { (&TET_CORNERS, 2f64.sqrt()) };
+    const WEDGE_CORNERS: [[usize; 4]; 6] =
+        [[0, 1, 2, 3], [1, 2, 0, 4], [2, 0, 1, 5], [3, 5, 4, 0], [4, 3, 5, 1], [5, 4, 3, 2]];
+    let (corners, scale): (&[[usize; 4]], f64) = match kind {
+        CellKind::Hex8 => (&HEX_CORNERS, 1.0),
+        CellKind::Wedge6 => (&WEDGE_CORNERS, 2.0 / 3f64.sqrt()),
+        _ => (&TET_CORNERS, 2f64.sqrt()),
+    };
     let mut least = f64::INFINITY;
     for &[o, a, b, c] in corners {
         let edges = [X[a] - X[o], X[b] - X[o], X[c] - X[o]];
@@ -88,7 +93,8 @@ pub fn scaled_jacobian(kind: CellKind, X: &[Vector3<f64>]) -> f64 {
 
 /// Determinant of the map from the parent cell and quadrature weight at each Gauss point of a solid cell.
 /// The weighted sum is the volume, exactly: the determinant is at most quadratic in each coordinate for hex8
-/// (2 × 2 × 2 points), constant for tet4 and cubic for tet10 (five points, Keast 1986, degree 3).
+/// (2 × 2 × 2 points), constant for tet4, cubic for tet10 (five points, Keast 1986, degree 3), linear over the triangle and
+/// quadratic along the axis for wedges (3 × 2 points).
 pub fn gauss_dets(kind: CellKind, X: &[Vector3<f64>]) -> Vec<(f64, f64)> {
     match kind {
         CellKind::Hex8 => {
@@ -110,6 +116,14 @@ pub fn gauss_dets(kind: CellKind, X: &[Vector3<f64>]) -> Vec<(f64, f64)> {
                 points.push((L, 9.0 / 120.0));
             }
             points.into_iter().map(|(L, w)| (tet10_map(X, L).determinant(), w)).collect()
+        }
+        CellKind::Wedge6 => {
+            let rule = crate::element::shape::wedge6();
+            let det = |g: usize| {
+                let columns = [0, 1, 2].map(|d| X.iter().zip(&rule.dn[g]).map(|(X, dn)| X * dn[d]).sum());
+                Matrix3::from_columns(&columns).determinant()
+            };
+            (0..6).map(|g| (det(g), rule.w[g])).collect()
         }
         _ => Vec::new(),
     }

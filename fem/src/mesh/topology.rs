@@ -7,6 +7,8 @@ const HEX_FACES: [[usize; 4]; 6] =
     [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];
 /// Faces of a tetrahedron, outward; order of the Abaqus labels S1 to S4. The last node is repeated.
 const TET_FACES: [[usize; 4]; 4] = [[0, 2, 1, 1], [0, 1, 3, 3], [1, 2, 3, 3], [2, 0, 3, 3]];
+/// Faces of a wedge, outward; order of the Abaqus labels S1 to S5.
+const WEDGE_FACES: [[usize; 4]; 5] = [[0, 2, 1, 1], [3, 4, 5, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]];
 
 impl CellKind {
     /// Nodes of a cell of this kind.
@@ -15,6 +17,7 @@ impl CellKind {
             CellKind::Hex8 => 8,
             CellKind::Tet4 | CellKind::Quad4 => 4,
             CellKind::Tet10 => 10,
+            CellKind::Wedge6 => 6,
             CellKind::Tri3 => 3,
             CellKind::Line2 => 2,
         }
@@ -26,6 +29,7 @@ impl CellKind {
             CellKind::Hex8 => "hex8",
             CellKind::Tet4 => "tet4",
             CellKind::Tet10 => "tet10",
+            CellKind::Wedge6 => "wedge6",
             CellKind::Quad4 => "quad4",
             CellKind::Tri3 => "tri3",
             CellKind::Line2 => "line2",
@@ -34,7 +38,7 @@ impl CellKind {
 
     /// Has a volume.
     pub fn is_solid(self) -> bool {
-        matches!(self, CellKind::Hex8 | CellKind::Tet4 | CellKind::Tet10)
+        matches!(self, CellKind::Hex8 | CellKind::Tet4 | CellKind::Tet10 | CellKind::Wedge6)
     }
 
     /// Corner nodes of the faces as local indices, seen from outside counter-clockwise; a triangle repeats its
@@ -43,6 +47,7 @@ impl CellKind {
         match self {
             CellKind::Hex8 => &HEX_FACES,
             CellKind::Tet4 | CellKind::Tet10 => &TET_FACES,
+            CellKind::Wedge6 => &WEDGE_FACES,
             CellKind::Quad4 => &[[0, 1, 2, 3]],
             CellKind::Tri3 => &[[0, 1, 2, 2]],
             CellKind::Line2 => &[],

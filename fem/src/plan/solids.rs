@@ -100,8 +100,9 @@ pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, Sc
         CellKind::Hex8 => builder(shape::hex8, formulation, field, scale),
         CellKind::Tet4 => builder(shape::tet4, formulation, field, scale),
         CellKind::Tet10 => builder(shape::tet10, formulation, field, scale),
+        CellKind::Wedge6 => builder(shape::wedge6, formulation, field, scale),
         found => {
-            let (block, needed) = (block.name.clone(), "hexahedra or tetrahedra");
+            let (block, needed) = (block.name.clone(), "hexahedra, tetrahedra or wedges");
             return Err(SceneError::Kind { user, block, found, needed });
         }
     };
@@ -217,6 +218,7 @@ pub fn weights(
         CellKind::Hex8 => cell_weights(&shape::hex8(), block, mesh, force)?,
         CellKind::Tet4 => cell_weights(&shape::tet4(), block, mesh, force)?,
         CellKind::Tet10 => cell_weights(&shape::tet10(), block, mesh, force)?,
+        CellKind::Wedge6 => cell_weights(&shape::wedge6(), block, mesh, force)?,
         _ => vec![[0.0; 3]; block.nodes.len()],
     };
     let nodes_per_cell = block.kind.n_nodes();

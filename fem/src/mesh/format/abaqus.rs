@@ -74,6 +74,7 @@ fn kind_of(element_type: &str) -> Option<(CellKind, bool)> {
         "C3D8" | "C3D8R" | "C3D8H" | "C3D8RH" | "C3D8I" | "C3D8IH" | "C3D8S" => (CellKind::Hex8, false),
         "C3D4" | "C3D4H" => (CellKind::Tet4, false),
         "C3D10" | "C3D10H" | "C3D10I" | "C3D10M" | "C3D10MH" | "C3D10HS" => (CellKind::Tet10, false),
+        "C3D6" | "C3D6H" => (CellKind::Wedge6, false),
         "T3D2" | "T3D2H" | "SPRINGA" => (CellKind::Line2, false),
         "S4" | "S4R" | "M3D4" | "M3D4R" | "R3D4" => (CellKind::Quad4, false),
         "S3" | "S3R" | "M3D3" | "R3D3" => (CellKind::Tri3, false),

@@ -89,6 +89,7 @@ fn type_name(kind: CellKind) -> &'static str {
         CellKind::Hex8 => "C3D8",
         CellKind::Tet4 => "C3D4",
         CellKind::Tet10 => "C3D10",
+        CellKind::Wedge6 => "C3D6",
         CellKind::Quad4 => "M3D4",
         CellKind::Tri3 => "M3D3",
         CellKind::Line2 => "T3D2",

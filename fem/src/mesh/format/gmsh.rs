@@ -500,12 +500,13 @@ const fn element_type(number: i32, dim: usize, n_nodes: usize, kind: Option<Cell
     ElementType { number, dim, n_nodes, kind }
 }
 
-const ELEMENT_TYPES: [ElementType; 9] = [
+const ELEMENT_TYPES: [ElementType; 10] = [
     element_type(1, 1, 2, Some(CellKind::Line2)),
     element_type(2, 2, 3, Some(CellKind::Tri3)),
     element_type(3, 2, 4, Some(CellKind::Quad4)),
     element_type(4, 3, 4, Some(CellKind::Tet4)),
     element_type(5, 3, 8, Some(CellKind::Hex8)),
+    element_type(6, 3, 6, Some(CellKind::Wedge6)),
     element_type(8, 1, 3, Some(CellKind::Line2)),
     element_type(9, 2, 6, Some(CellKind::Tri3)),
     element_type(11, 3, 10, Some(CellKind::Tet10)),

@@ -321,7 +321,7 @@ impl<'a> Reader<'a> {
             let number = index(n)?;
             let known = CELL_TYPES.iter().any(|t| t.0 == number);
             let hint =
-                "known: 3 line, 5 triangle, 9 quad, 10 tetra, 11 voxel, 12 hexahedron, 24 quadratic tetra";
+                "known: 3 line, 5 triangle, 9 quad, 10 tetra, 11 voxel, 12 hexahedron, 13 wedge, 24 quadratic tetra";
             if known { Ok(number as u8) } else { Err(format!("cell type {number} is not supported; {hint}")) }
         })?;
         let offsets_array = self.find(Section::Cells, "offsets")?;
@@ -452,10 +452,11 @@ impl<'a> Reader<'a> {
 const VOXEL: u8 = 11;
 
 /// VTK numbers of the cell types.
-pub(super) const CELL_TYPES: [(u32, CellKind); 7] = [
+pub(super) const CELL_TYPES: [(u32, CellKind); 8] = [
     (12, CellKind::Hex8),
     (10, CellKind::Tet4),
     (24, CellKind::Tet10),
+    (13, CellKind::Wedge6),
     (9, CellKind::Quad4),
     (5, CellKind::Tri3),
     (3, CellKind::Line2),
