@@ -2,11 +2,16 @@
 
 use std::path::Path;
 
-use fem::mesh::muscle::{self, Loft, MuscleSections, grid};
+use fem::mesh::muscle::{self, Bone, Loft, MuscleSections, grid};
 
 fn sections() -> Vec<MuscleSections> {
     let text = include_str!("../gait-data/thigh/muscle_sections.csv");
     MuscleSections::read_csv(text, Path::new("muscle_sections.csv")).unwrap()
+}
+
+fn bones() -> Vec<Bone> {
+    let text = include_str!("../gait-data/thigh/bone_sections.csv");
+    Bone::read_csv(text, Path::new("bone_sections.csv")).unwrap()
 }
 
 /// Volumes of the lofts \[cm³\], quoted from the description of the tables (read from the surfaces with 4 × subdivision).
@@ -43,6 +48,18 @@ fn lofts_have_the_published_volumes() {
         let found = block.volume() * 1e6;
         println!("{name} {found:.2} {volume}");
         assert!((found / volume - 1.0).abs() < 0.01, "{name}: {found} cm³, published {volume}");
+    }
+}
+
+#[test]
+fn the_thigh_reaches_its_goals() {
+    let (sections, bones) = (sections(), bones());
+    for (edge, cells) in [(9e-3, 12_000..24_000), (6e-3, 30_000..40_000)] {
+        let built = muscle::build(&sections, &bones, edge);
+        let missed = built.missed(&bones);
+        assert!(missed.is_empty(), "{edge} m: {missed:?}");
+        let n: usize = built.muscles.iter().map(|m| m.block.n_cells()).sum();
+        assert!(cells.contains(&n), "{edge} m: {n} cells");
     }
 }
 

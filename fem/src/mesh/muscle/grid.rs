@@ -47,7 +47,8 @@ const LEAST_PLAIN: [usize; 2] = [10, 3];
 /// Least layers of cells along a muscle.
 const LEAST_LAYERS: usize = 12;
 
-/// Mean width and thickness of the sections and length of the line through their centres \[m\].
+/// Width and thickness of the sections, averaged with weights that favour the wide and the thick, and length of the line through
+/// their centres \[m\].
 pub fn mean_size(sections: &MuscleSections) -> [f64; 3] {
     let stations = &sections.stations;
     let size = |i: usize| {
@@ -58,16 +59,17 @@ pub fn mean_size(sections: &MuscleSections) -> [f64; 3] {
         let width = (side(0, 5) + side(7, 12)) / 2.0;
         [width, stations[i].polygon_area() / width]
     };
-    let mut mean = [0.0; 3];
+    let (mut mean, mut square, mut length) = ([0.0; 2], [0.0; 2], 0.0);
     for i in 1..stations.len() {
         let ds = stations[i].s - stations[i - 1].s;
         let (a, b) = (size(i - 1), size(i));
         for d in 0..2 {
             mean[d] += ds * (a[d] + b[d]) / 2.0;
+            square[d] += ds * (a[d] * a[d] + b[d] * b[d]) / 2.0;
         }
-        mean[2] += (stations[i].centre - stations[i - 1].centre).norm();
+        length += (stations[i].centre - stations[i - 1].centre).norm();
     }
-    mean
+    [square[0] / mean[0], square[1] / mean[1], length]
 }
 
 impl SectionKind {

@@ -5,7 +5,7 @@
 //! after the knot. Along the muscle: the same rule in s for every point of the outline, one-sided at the two ends.
 //! A point of the surface has the coordinates t in 0..14, the outline parameter (whole numbers at the boundary points), and s in 0..1.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::Vector3;
 
 use super::sections::{MuscleSections, N_OUTLINE};
 
@@ -28,6 +28,8 @@ pub struct LoftPoint {
     pub around: Vector3<f64>,
     /// ∂position/∂s \[m\].
     pub along: Vector3<f64>,
+    /// ∂²position/∂t² \[m\], without continuity at the boundary points.
+    pub bend: Vector3<f64>,
 }
 
 impl LoftPoint {
@@ -52,8 +54,8 @@ impl Loft {
         let (first, weights, slopes) = self.weights(s);
         let t = t.rem_euclid(N_OUTLINE as f64);
         let (k, f) = ((t.floor() as usize).min(N_OUTLINE - 1), t - t.floor());
-        let mut point =
-            LoftPoint { position: Vector3::zeros(), around: Vector3::zeros(), along: Vector3::zeros() };
+        let zero = Vector3::zeros();
+        let mut point = LoftPoint { position: zero, around: zero, along: zero, bend: zero };
         for j in 0..4 {
             if weights[j] == 0.0 && slopes[j] == 0.0 {
                 continue;
@@ -63,31 +65,44 @@ impl Loft {
             point.position += position * weights[j];
             point.along += position * slopes[j];
             point.around += (c[1] + (c[2] * 2.0 + c[3] * (3.0 * f)) * f) * weights[j];
+            point.bend += (c[2] * 2.0 + c[3] * (6.0 * f)) * weights[j];
         }
         point
     }
 
-    /// Coordinates (t, s) of the point of the loft nearest to `x` \[m\], by Gauss-Newton steps from `start`; s stays within `range`.
-    pub fn project(&self, x: &Vector3<f64>, start: [f64; 2], range: [f64; 2]) -> [f64; 2] {
+    /// The point of the loft nearest to `x` \[m\] and its coordinates (t, s), by Newton steps from `start`; s stays within `range`.
+    ///
+    /// The nearest in the neighbourhood of `start`: the loft has other sides.
+    pub fn project(&self, x: &Vector3<f64>, start: [f64; 2], range: [f64; 2]) -> ([f64; 2], LoftPoint) {
         let [mut t, mut s] = start;
         let mut here = self.point(t, s);
         let mut distance = (x - here.position).norm_squared();
         for _ in 0..PROJECT_ITERATIONS {
             let d = x - here.position;
             let (u, v) = (here.around, here.along);
-            let metric = Matrix2::new(u.dot(&u), u.dot(&v), u.dot(&v), v.dot(&v));
-            let Some(step) = metric.try_inverse().map(|m| m * Vector2::new(u.dot(&d), v.dot(&d))) else {
-                break;
+            // Curvature around the muscle counts where thin borders are near; the step stays one downhill.
+            let uu = (u.norm_squared() - d.dot(&here.bend)).max(0.2 * u.norm_squared());
+            let (uv, vv) = (u.dot(&v), v.norm_squared());
+            let (du, mut dv) = (d.dot(&u), d.dot(&v));
+            let held = range[0] == range[1] || (s <= range[0] && dv < 0.0) || (s >= range[1] && dv > 0.0);
+            let det = uu * vv - uv * uv;
+            let (dt, ds) = if held || !(det > 1e-6 * uu * vv) {
+                dv = 0.0;
+                (du / uu, 0.0)
+            } else {
+                ((du * vv - dv * uv) / det, (dv * uu - du * uv) / det)
             };
-            let mut scale = (1.0 / step.x.abs().max(1e-300)).min(0.1 / step.y.abs().max(1e-300)).min(1.0);
+            if !(dt * du + ds * dv > PROJECT_TOLERANCE) {
+                break;
+            }
+            let mut scale = (1.0 / dt.abs().max(1e-300)).min(0.1 / ds.abs().max(1e-300)).min(1.0);
             let mut moved = false;
             for _ in 0..8 {
-                let (t_new, s_new) = (t + scale * step.x, (s + scale * step.y).clamp(range[0], range[1]));
+                let (t_new, s_new) = (t + scale * dt, (s + scale * ds).clamp(range[0], range[1]));
                 let there = self.point(t_new, s_new);
                 let square = (x - there.position).norm_squared();
                 if square < distance {
-                    moved = distance - square > 1e-12 * distance;
-                    (t, s, here, distance) = (t_new, s_new, there, square);
+                    (t, s, here, distance, moved) = (t_new, s_new, there, square, true);
                     break;
                 }
                 scale /= 4.0;
@@ -96,7 +111,7 @@ impl Loft {
                 break;
             }
         }
-        [t.rem_euclid(N_OUTLINE as f64), s]
+        ([t.rem_euclid(N_OUTLINE as f64), s], here)
     }
 
     /// For the interval that holds `s`: the number of its first station, and the weights of the outlines of stations
@@ -137,8 +152,10 @@ impl Loft {
     }
 }
 
-/// Steps of the projection; it stops before where nothing is gained.
-const PROJECT_ITERATIONS: usize = 30;
+/// Steps of the projection at most.
+const PROJECT_ITERATIONS: usize = 20;
+/// The projection ends when a step promises less than this of the squared distance \[m²\].
+const PROJECT_TOLERANCE: f64 = 1e-18;
 
 /// Weights of the points before, at and after a knot in the slope of the parabola through them.
 fn three_point(h0: f64, h1: f64) -> [f64; 3] {

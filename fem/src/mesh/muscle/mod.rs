@@ -3,14 +3,22 @@
 //! [`MuscleSections`] say what a muscle looks like, a [`Loft`] is its surface, [`grid`] fills it with layers of hexahedra whose
 //! third index direction runs from origin to insertion, the fibre direction.
 
+mod bones;
+mod build;
 pub mod grid;
+mod lbfgs;
 mod loft;
 mod sections;
+mod separate;
+mod shape;
+pub mod smooth;
 
 use nalgebra::Vector3;
 
 use super::{CellBlock, CellKind, Mesh, unique_nodes};
 
+pub use bones::Bone;
+pub use build::{BoneCrossing, Built, GOALS, Goals, MuscleResult, build, loft_volume, mesh_end};
 pub use loft::{Loft, LoftPoint};
 pub use sections::{CORNERS, MuscleSections, N_OUTLINE, Station};
 
