@@ -8,6 +8,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod body;
+pub mod contact;
 pub mod effect;
 pub mod element;
 pub mod geometry;

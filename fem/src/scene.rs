@@ -40,6 +40,8 @@ pub struct Scene {
     pub ties: Vec<TieSpec>,
     /// Sets of nodes that move as one plane.
     pub planes: Vec<PlaneSpec>,
+    /// Contact between surfaces; absent: they do not see each other.
+    pub contact: Option<ContactSpec>,
 }
 
 /// A solid region.
@@ -316,4 +318,72 @@ pub struct PlaneSpec {
     pub nodes: String,
     /// Axis 0, 1 or 2.
     pub axis: usize,
+}
+
+/// Frictionless contact; see [`crate::contact`]. What is prescribed on both sides is not looked at: only the drive moves it.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactSpec {
+    /// Surfaces that take part: surfaces of the mesh, or blocks of cells (their boundary). Nodes of a rigid surface are
+    /// tied to a body or held.
+    pub surfaces: Vec<String>,
+    /// Pairs of `surfaces` that may meet, a name twice for contact with itself; empty: every surface with every other.
+    #[serde(default)]
+    pub pairs: Vec<[String; 2]>,
+    /// Pairs that are left out.
+    #[serde(default)]
+    pub excluded: Vec<[String; 2]>,
+    /// `guarded` (default): nothing passes through; `cheap`: surfaces penetrate each other a little.
+    #[serde(default)]
+    pub mode: ContactMode,
+    /// Guarded: distance \[m\] below which surfaces repel each other, less where they start closer. Cheap: depth at which the
+    /// pressure is `stiffness`.
+    #[serde(default = "contact_distance")]
+    pub distance: f64,
+    /// Stiffness \[Pa\] of the layer of that thickness; absent: Young's modulus of the softer side at small strain.
+    #[serde(default)]
+    pub stiffness: Option<f64>,
+    /// Greatest distance \[m\] between the points at which contact is computed; absent: the edge length of the finer side.
+    #[serde(default)]
+    pub spacing: Option<f64>,
+    /// Depth \[m\] up to which an overlap in the mesh is mended by moving its nodes, free of stress; deeper ones are
+    /// refused. Surfaces that touch are always parted, by a tenth of `distance`.
+    #[serde(default)]
+    pub repair: f64,
+    /// Surfaces within this distance \[m\] of a node tied to a body take no notice of that body (around attachments);
+    /// cells with a tied node never do.
+    #[serde(default)]
+    pub attachment: f64,
+}
+
+impl ContactSpec {
+    /// Every surface with every other, everything else at its default.
+    pub fn new(surfaces: &[&str]) -> ContactSpec {
+        ContactSpec {
+            surfaces: surfaces.iter().map(|s| s.to_string()).collect(),
+            pairs: Vec::new(),
+            excluded: Vec::new(),
+            mode: ContactMode::Guarded,
+            distance: contact_distance(),
+            stiffness: None,
+            spacing: None,
+            repair: 0.0,
+            attachment: 0.0,
+        }
+    }
+}
+
+/// How contact keeps surfaces apart; see [`crate::contact`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactMode {
+    /// A barrier and continuous collision detection: no accepted state has an intersection.
+    #[default]
+    Guarded,
+    /// A penalty on the penetration.
+    Cheap,
+}
+
+fn contact_distance() -> f64 {
+    0.3e-3
 }

@@ -2,6 +2,7 @@
 
 pub mod allocations;
 pub mod c3d_file;
+pub mod contact_scenes;
 pub mod fem_scenes;
 pub mod goldfarb_idnani;
 pub mod motion_cases;

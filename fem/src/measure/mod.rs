@@ -6,6 +6,8 @@ mod section;
 pub use field::{EffectEnergy, FibreState, SolidField, energies, fibre_states, solid_field, volume};
 pub use section::{Cut, SectionForce, section_force};
 
+pub use crate::contact::PairForce;
+
 use crate::body::Wrench;
 use crate::effect::State;
 use crate::plan::{Load, Motion, Plan};
@@ -26,6 +28,43 @@ impl Snapshot<'_> {
     }
 }
 
+/// Contact of every pair of surfaces within reach of each other; moments about `about` \[m\].
+pub fn pair_forces(plan: &Plan, at: Snapshot, about: [f64; 3]) -> Vec<PairForce> {
+    let of = |island: &std::sync::Arc<crate::plan::Island>| {
+        let contact = island.contact.as_ref()?;
+        Some(contact.pair_forces(&at.gather(&island.nodes), about))
+    };
+    plan.islands.iter().filter_map(of).flatten().collect()
+}
+
+/// Contact force per reference area \[Pa\] at the nodes of a contact surface: (node of the mesh, vector); empty for a surface
+/// that touches nothing. Of a rigid surface only the nodes that something may touch.
+pub fn contact_tractions(plan: &Plan, at: Snapshot, surface: &str) -> Vec<(u32, [f64; 3])> {
+    let mut all = std::collections::BTreeMap::<u32, [f64; 3]>::new();
+    for island in &plan.islands {
+        let Some(contact) = &island.contact else { continue };
+        let Some(index) = contact.surface(surface) else { continue };
+        for (node, t) in contact.pressures(index, &at.gather(&island.nodes)) {
+            let sum = all.entry(island.nodes[node as usize]).or_default();
+            (0..3).for_each(|c| sum[c] += t[c]);
+        }
+    }
+    all.into_iter().collect()
+}
+
+/// The triangles of all contact surfaces by name, as contact sees them: of these no two that may meet intersect.
+pub fn collision_surfaces(plan: &Plan, at: Snapshot) -> Vec<(String, crate::geometry::Surface)> {
+    let mut all = std::collections::BTreeMap::new();
+    for island in &plan.islands {
+        let Some(contact) = &island.contact else { continue };
+        let x = at.gather(&island.nodes);
+        for (index, surface) in contact.surfaces.list.iter().enumerate() {
+            all.entry(surface.name.clone()).or_insert_with(|| contact.triangles(index, &x));
+        }
+    }
+    all.into_iter().collect()
+}
+
 /// ∂Π/∂x \[N\] of all nodes of the mesh, 3 per node: zero at free nodes in equilibrium, the force of the support where
 /// a component is prescribed.
 pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {
@@ -33,8 +72,8 @@ pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {
     for island in &plan.islands {
         let x = at.gather(&island.nodes);
         let s = State { x: &x, controls: &at.load.controls };
-        for effect in 0..island.effects.len() {
-            let g = island.effect_gradient(effect, &s);
+        let effects = (0..island.effects.len()).map(|e| island.effect_gradient(e, &s));
+        for g in effects.chain(island.contact_gradient(&x)) {
             for (&n, g) in island.nodes.iter().zip(g.chunks_exact(3)) {
                 for i in 0..3 {
                     total[3 * n as usize + i] += g[i];

@@ -135,6 +135,27 @@ pub enum SceneError {
         /// A node of the rim.
         node: u32,
     },
+    /// Surfaces overlap in the mesh.
+    #[error(
+        "surfaces overlap in the mesh: {}; mend the mesh, exclude the pairs, or allow a repair deeper than {:.3} mm",
+        overlaps.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "), allowed * 1e3
+    )]
+    Overlap {
+        /// Pairs and depths.
+        overlaps: Vec<crate::contact::Overlap>,
+        /// Depth \[m\] that would have been mended.
+        allowed: f64,
+    },
+    /// A contact surface with a node that nothing holds.
+    #[error(
+        "{user}: node {node} belongs to no solid and is not prescribed; tie the surface to a body or hold it"
+    )]
+    Loose {
+        /// Which part of the scene.
+        user: String,
+        /// The node.
+        node: u32,
+    },
     /// Nothing to simulate.
     #[error("the scene has no solids, fibres, membranes or strands; nothing can deform")]
     Empty,

@@ -4,6 +4,7 @@
 //! master node (a rigid plane) are eliminated too, by moving their rows and columns onto the master's.
 
 use crate::body::{Pose, interpolate};
+use crate::contact::{Contact, Mode};
 use crate::effect::{Effect, NO_NODE, Part, State};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
 use rayon::prelude::*;
@@ -73,6 +74,8 @@ pub struct Island {
     pub cells: Vec<Vec<u32>>,
     /// What each component of each local node does; followers name local nodes.
     pub motion: Vec<[Motion; 3]>,
+    /// What may touch, over local nodes; absent where nothing can.
+    pub contact: Option<Contact>,
     /// Centre of the nodes tied to each body of the plan \[m\].
     pivots: Arc<Vec<[f64; 3]>>,
     /// Local node of each free node.
@@ -146,6 +149,7 @@ impl Island {
             effects,
             cells,
             motion,
+            contact: None,
             pivots,
             free_nodes,
             fixed,
@@ -154,6 +158,54 @@ impl Island {
             tied,
             least_scale,
         }
+    }
+
+    /// ∂Π/∂x of contact \[N\] over all local nodes, prescribed ones included; `None` where nothing can touch.
+    pub fn contact_gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
+        self.contact.as_ref().map(|contact| {
+            let mut g = vec![0.0; x.len()];
+            contact.add_gradient(x, &mut g);
+            g
+        })
+    }
+
+    /// The unknown that a component of a local node moves with: its free node and component; none where prescribed.
+    fn unknown(&self, node: u32, c: usize) -> Option<(u32, usize)> {
+        let owner = match self.motion[node as usize][c] {
+            Motion::Free => node,
+            Motion::Follows(master) => master,
+            _ => return None,
+        };
+        self.free_index(owner).map(|free| (free as u32, c))
+    }
+
+    /// Moves blocks between local nodes onto their unknowns; ascending by (row, column).
+    fn onto_unknowns(&self, blocks: Vec<([u32; 2], [f64; 9])>) -> Vec<([u32; 2], [f64; 9])> {
+        let mut out: Vec<([u32; 2], [f64; 9])> = Vec::with_capacity(blocks.len());
+        for ([i, j], block) in blocks {
+            if [i, j].iter().all(|&n| self.motion[n as usize] == [Motion::Free; 3]) {
+                let free = |n| self.free_index(n).expect("a free node") as u32;
+                out.push(([free(i), free(j)], block));
+                continue;
+            }
+            for e in 0..9 {
+                if let (Some((row, r)), Some((column, c))) = (self.unknown(i, e / 3), self.unknown(j, e % 3))
+                {
+                    let mut single = [0.0; 9];
+                    single[3 * r + c] = block[e];
+                    out.push(([row, column], single));
+                }
+            }
+        }
+        out.sort_by_key(|b| b.0);
+        out.dedup_by(|from, to| {
+            let same = from.0 == to.0;
+            if same {
+                to.1.iter_mut().zip(&from.1).for_each(|(to, from)| *to += from);
+            }
+            same
+        });
+        out
     }
 
     /// Number of unknowns that are not prescribed.
@@ -302,7 +354,11 @@ impl Potential for LoadedIsland {
     fn energy(&self, x: &[f64]) -> f64 {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
-        self.island.effects.iter().map(|e| e.energy(&s)).sum()
+        let energy: f64 = self.island.effects.iter().map(|e| e.energy(&s)).sum();
+        match &self.island.contact {
+            Some(contact) => energy + contact.energy(&x),
+            None => energy,
+        }
     }
 
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
@@ -329,6 +385,13 @@ impl Potential for LoadedIsland {
                     for c in 0..3 {
                         g[3 * free + c] += f[c];
                     }
+                }
+            }
+        }
+        if let Some(forces) = island.contact_gradient(&x) {
+            for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
+                if let Some((free, c)) = island.unknown((i / 3) as u32, i % 3) {
+                    g[3 * free as usize + c] += force;
                 }
             }
         }
@@ -375,6 +438,9 @@ impl Potential for LoadedIsland {
                 }
             }
         }
+        if let Some(contact) = &island.contact {
+            k.couple(&island.onto_unknowns(contact.hessian(&x, projected)));
+        }
     }
 
     /// The largest of the reactions of what is prescribed, the forces of any single load, fibre or membrane effect, and
@@ -391,6 +457,10 @@ impl Potential for LoadedIsland {
             if effect.part() != Part::Matrix {
                 scale = scale.max(norm(&g));
             }
+            total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
+        }
+        if let Some(g) = island.contact_gradient(&x) {
+            scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
         for (n, motion) in island.motion.iter().enumerate() {
@@ -415,6 +485,17 @@ impl Potential for LoadedIsland {
             }
         }
         worst
+    }
+
+    fn touching(&self, x: &[f64]) -> Vec<f64> {
+        match &self.island.contact {
+            Some(contact) if contact.mode == Mode::Guarded => self.expand(x),
+            _ => Vec::new(),
+        }
+    }
+
+    fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
+        self.island.contact.as_ref().map_or(1.0, |contact| contact.share(from, &self.expand(x)))
     }
 
     fn node_name(&self, free_node: usize) -> String {

@@ -3,6 +3,7 @@
 
 #![allow(non_snake_case)]
 
+mod contact;
 mod embed;
 mod error;
 pub mod island;
@@ -12,6 +13,7 @@ mod solids;
 mod surfaces;
 mod term;
 
+pub use contact::Repair;
 pub use error::SceneError;
 pub use island::{Island, Load, LoadedIsland, Motion};
 pub use solids::Weights;
@@ -19,6 +21,7 @@ pub use solids::Weights;
 use crate::effect::{DeadLoad, Effect, NO_NODE};
 use crate::mesh::Mesh;
 use crate::scene::{Course, Scene};
+use contact::ContactPlan;
 use embed::Embedding;
 use error::nearest;
 use std::path::Path;
@@ -41,24 +44,27 @@ pub struct Plan {
     pub weights: Vec<Weights>,
     /// Name and number of groups (elements, segments, loaded nodes) of each effect.
     pub effects: Vec<(String, usize)>,
+    /// What was changed in the mesh so that no surfaces touch at the start.
+    pub repair: Repair,
     /// Kinds of effects that the scene does not call for.
     pub absent: Vec<&'static str>,
 }
 
 impl Plan {
     /// Compiles a scene over a mesh \[m\].
-    pub fn new(scene: &Scene, mesh: Mesh) -> Result<Plan, SceneError> {
+    pub fn new(scene: &Scene, mut mesh: Mesh) -> Result<Plan, SceneError> {
         mesh.check()?;
         let mut names = Names::default();
+        let (contact, repair) = contact(scene, &mut mesh)?;
         let weights = weights(scene, &mesh, &mut names)?;
         let terms = terms(scene, &mesh, &weights, &mut names)?;
         let motion = motion::motions(scene, &mesh, &mut names)?;
         surfaces::check_rims(scene, &mesh, &motion)?;
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
-        let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len())?;
+        let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
-        Ok(Plan { mesh, controls, bodies, islands, motion, weights, effects, absent: absent(scene) })
+        Ok(Plan { mesh, controls, bodies, islands, motion, weights, effects, repair, absent: absent(scene) })
     }
 
     /// Compiles a scene file over the mesh that it names.
@@ -126,10 +132,23 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
         ("gravity", scene.gravity.is_none()),
         ("pressures", scene.pressures.is_empty()),
         ("forces", scene.forces.is_empty()),
+        ("contact", scene.contact.is_none()),
     ]
     .into_iter()
     .filter_map(|(name, absent)| absent.then_some(name))
     .collect()
+}
+
+/// Contact of a scene, and what had to be changed in the mesh for it.
+fn contact(scene: &Scene, mesh: &mut Mesh) -> Result<(Option<ContactPlan>, Repair), SceneError> {
+    if scene.contact.is_none() {
+        return Ok((None, Repair::default()));
+    }
+    // Numbered anew: which control moves what does not matter here.
+    let motion = motion::motions(scene, mesh, &mut Names::default())?;
+    let contact = contact::contact(scene, mesh, &motion)?;
+    let repair = contact.as_ref().map(|c| c.mend(mesh, &motion)).transpose()?.unwrap_or_default();
+    Ok((contact, repair))
 }
 
 /// Weights of all solids; none without gravity.
@@ -225,6 +244,7 @@ fn islands(
     motion: &[[Motion; 3]],
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
+    contact: Option<&ContactPlan>,
 ) -> Result<Vec<Arc<Island>>, SceneError> {
     let n = mesh.points.len();
     let is_free =
@@ -249,6 +269,14 @@ fn islands(
             }
         }
     }
+    // Surfaces that may touch make one island of what they belong to.
+    for &[a, b] in contact.iter().flat_map(|c| &c.pairs) {
+        let surfaces = &contact.expect("it has pairs").surfaces;
+        let mut free = surfaces[a].nodes.iter().chain(&surfaces[b].nodes).filter(|n| is_free(**n));
+        if let Some(first) = free.next() {
+            free.for_each(|n| unite(*first, *n));
+        }
+    }
     // The island of a group is that of its free nodes; one without any goes with an island that has its nodes among the
     // prescribed ones.
     let mut at_prescribed = std::collections::BTreeMap::<u32, u32>::new();
@@ -271,10 +299,22 @@ fn islands(
             groups[t].push(g as u32);
         }
     }
-    of_root
-        .into_values()
-        .map(|groups| island(mesh, terms, motion, pivots, n_controls, groups).map(Arc::new))
-        .collect()
+    let mut islands = Vec::new();
+    for (of, groups) in of_root {
+        let members = contact.map_or(Vec::new(), |c| {
+            let mine =
+                |s: &usize| c.surfaces[*s].nodes.iter().any(|&n| is_free(n) && root(&mut parent, n) == of);
+            let soft: Vec<usize> = (0..c.surfaces.len()).filter(mine).collect();
+            let meets =
+                |s: &usize| c.pairs.iter().any(|p| p.contains(s) && p.iter().any(|o| soft.contains(o)));
+            (0..c.surfaces.len())
+                .filter(|s| meets(s) && (soft.contains(s) || !c.surfaces[*s].deforms))
+                .collect()
+        });
+        let members = contact.map(|c| (c, members.as_slice())).filter(|(_, m)| !m.is_empty());
+        islands.push(Arc::new(island(mesh, terms, motion, pivots, n_controls, groups, members)?));
+    }
+    Ok(islands)
 }
 
 fn root(parent: &mut [u32], mut n: u32) -> u32 {
@@ -293,6 +333,7 @@ fn island(
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     groups: Vec<Vec<u32>>,
+    contact: Option<(&ContactPlan, &[usize])>,
 ) -> Result<Island, SceneError> {
     let members = |t: usize| {
         let m = terms[t].nodes_per_group;
@@ -305,6 +346,9 @@ fn island(
         .filter_map(|m| if let Motion::Follows(master) = m { Some(master) } else { None })
         .collect();
     nodes.extend(masters);
+    if let Some((plan, members)) = contact {
+        members.iter().for_each(|&s| nodes.extend(&plan.surfaces[s].nodes));
+    }
     nodes.sort_unstable();
     nodes.dedup();
     let local = |n: u32| if n == NO_NODE { NO_NODE } else { nodes.binary_search(&n).expect("listed") as u32 };
@@ -324,5 +368,9 @@ fn island(
     });
     let (name, motion) = (name.cloned().unwrap_or_default(), motion.collect());
     let X = points.as_flattened().to_vec();
-    Ok(Island::new(name, nodes, X, effects, cells, motion, pivots.clone(), n_controls))
+    let motion: Vec<[Motion; 3]> = motion;
+    let contact = contact.and_then(|(plan, members)| plan.part(members, local, &points, &motion));
+    let mut island = Island::new(name, nodes, X, effects, cells, motion, pivots.clone(), n_controls);
+    island.contact = contact;
+    Ok(island)
 }

@@ -222,13 +222,33 @@ pub struct BlockMatrix {
     pattern: Arc<Pattern>,
     /// Blocks in the order of the pattern, each row-major.
     blocks: Vec<[f64; 9]>,
+    /// Blocks outside the pattern, which come and go with contact.
+    cross: Cross,
+}
+
+/// Blocks outside a pattern, in the order of their rows and columns; symmetric, without the diagonal.
+#[derive(Clone, Debug, Default)]
+struct Cross {
+    /// First block of each row; empty where there are none at all.
+    row_start: Vec<usize>,
+    column: Vec<u32>,
+    blocks: Vec<[f64; 9]>,
+}
+
+impl Cross {
+    fn row(&self, node: usize) -> std::ops::Range<usize> {
+        match self.row_start.is_empty() {
+            true => 0..0,
+            false => self.row_start[node]..self.row_start[node + 1],
+        }
+    }
 }
 
 impl BlockMatrix {
     /// The zero matrix on a pattern.
     pub fn zeros(pattern: Arc<Pattern>) -> BlockMatrix {
         let blocks = vec![[0.0; 9]; pattern.n_blocks()];
-        BlockMatrix { pattern, blocks }
+        BlockMatrix { pattern, blocks, cross: Cross::default() }
     }
 
     /// The pattern.
@@ -249,6 +269,7 @@ impl BlockMatrix {
     /// Sets every entry to zero.
     pub fn clear(&mut self) {
         self.blocks.par_iter_mut().with_min_len(4096).for_each(|b| *b = [0.0; 9]);
+        self.cross = Cross::default();
     }
 
     /// Adds `block` (row-major) to block (`row`, `column`); the caller adds its transpose to (`column`, `row`).
@@ -269,7 +290,7 @@ impl BlockMatrix {
     pub fn add_groups(&mut self, slots: &Slots, batch: usize, fill: impl Fn(usize, &mut [f64]) + Sync) {
         let m = slots.nodes_per_group;
         let n = 3 * m;
-        let BlockMatrix { pattern, blocks } = self;
+        let BlockMatrix { pattern, blocks, .. } = self;
         slots.for_each_batch(n * n, batch, fill, |first_entry, entries, matrices| {
             slots.scatter(
                 blocks,
@@ -293,14 +314,92 @@ impl BlockMatrix {
         });
     }
 
+    /// Adds symmetric `blocks`, ascending by (row, column): those outside the pattern are kept apart, in the place of
+    /// any that were there.
+    pub fn couple(&mut self, blocks: &[([u32; 2], [f64; 9])]) {
+        let mut cross = Cross::default();
+        for &([row, column], block) in blocks {
+            let (row, start) = (row as usize, self.pattern.row_start[row as usize]);
+            match self.pattern.row(row).binary_search(&column) {
+                Ok(at) => {
+                    for (to, from) in self.blocks[start + at].iter_mut().zip(block) {
+                        *to += from;
+                    }
+                }
+                Err(_) => {
+                    cross.row_start.resize(row + 1, cross.column.len());
+                    cross.column.push(column);
+                    cross.blocks.push(block);
+                }
+            }
+        }
+        if !cross.column.is_empty() {
+            cross.row_start.resize(self.pattern.n_nodes() + 1, cross.column.len());
+        }
+        self.cross = cross;
+    }
+
+    /// Number of blocks outside the pattern.
+    pub fn n_cross(&self) -> usize {
+        self.cross.column.len()
+    }
+
+    /// Whether `pattern` has all blocks of this matrix, those outside its own pattern too.
+    pub fn fits(&self, pattern: &Pattern) -> bool {
+        let fits = |i: usize| {
+            let row = pattern.row(i);
+            self.cross.row(i).all(|at| row.binary_search(&self.cross.column[at]).is_ok())
+        };
+        (0..self.pattern.n_nodes()).all(fits)
+    }
+
+    /// The pattern of all blocks, those outside the own pattern too.
+    pub fn joint_pattern(&self) -> Pattern {
+        let mut joint = Pattern { row_start: vec![0], column: Vec::new() };
+        for i in 0..self.pattern.n_nodes() {
+            let first = joint.column.len();
+            joint.column.extend(self.pattern.row(i));
+            joint.column.extend(&self.cross.column[self.cross.row(i)]);
+            joint.column[first..].sort_unstable();
+            joint.row_start.push(joint.column.len());
+        }
+        joint
+    }
+
+    /// All blocks on a pattern that they [fit](Self::fits).
+    pub fn spread(&self, pattern: &Arc<Pattern>) -> BlockMatrix {
+        let mut joint = BlockMatrix::zeros(pattern.clone());
+        let mut rest = joint.blocks.as_mut_slice();
+        let rows: Vec<&mut [[f64; 9]]> = (0..pattern.n_nodes())
+            .map(|i| rest.split_off_mut(..pattern.row(i).len()).expect("the rows make up the matrix"))
+            .collect();
+        rows.into_par_iter().enumerate().with_min_len(64).for_each(|(i, row)| {
+            let mine = self.pattern.row(i).iter().zip(self.row(i));
+            let cross = self.cross.row(i).map(|at| (&self.cross.column[at], &self.cross.blocks[at]));
+            for (column, block) in mine.chain(cross) {
+                let at = pattern.row(i).binary_search(column).expect("the matrix fits the pattern");
+                row[at] = *block;
+            }
+        });
+        joint
+    }
+
     /// Cuts the unknowns flagged in `fixed` loose: their rows and columns become zero but for a positive diagonal.
     /// Empty `fixed`: none.
     pub fn constrain(&mut self, fixed: &[bool]) {
         if fixed.is_empty() {
             return;
         }
-        let BlockMatrix { pattern, blocks } = self;
+        let BlockMatrix { pattern, blocks, cross } = self;
         for i in 0..pattern.n_nodes() {
+            for at in cross.row(i) {
+                let j = cross.column[at] as usize;
+                for e in 0..9 {
+                    if fixed[3 * i + e / 3] || fixed[3 * j + e % 3] {
+                        cross.blocks[at][e] = 0.0;
+                    }
+                }
+            }
             for at in pattern.row_start[i]..pattern.row_start[i + 1] {
                 let j = pattern.column[at] as usize;
                 for r in 0..3 {
@@ -321,6 +420,12 @@ impl BlockMatrix {
 
     /// Moves the share `share` of the way to `other`, a matrix on the same pattern.
     pub fn approach(&mut self, other: &BlockMatrix, share: f64) {
+        assert_eq!(self.cross.column, other.cross.column, "two matrices of one state");
+        for (to, other) in self.cross.blocks.iter_mut().zip(&other.cross.blocks) {
+            for (to, other) in to.iter_mut().zip(other) {
+                *to += share * (other - *to);
+            }
+        }
         self.blocks.par_iter_mut().with_min_len(4096).zip(&other.blocks).for_each(|(to, other)| {
             for (to, other) in to.iter_mut().zip(other) {
                 *to += share * (other - *to);
@@ -349,6 +454,13 @@ impl BlockMatrix {
                 let mut sum = [0.0; 3];
                 for (&column, b) in self.pattern.row(node).iter().zip(self.row(node)) {
                     let x = &x[3 * column as usize..3 * column as usize + 3];
+                    for r in 0..3 {
+                        sum[r] += b[3 * r] * x[0] + b[3 * r + 1] * x[1] + b[3 * r + 2] * x[2];
+                    }
+                }
+                for at in self.cross.row(node) {
+                    let (column, b) = (self.cross.column[at] as usize, &self.cross.blocks[at]);
+                    let x = &x[3 * column..3 * column + 3];
                     for r in 0..3 {
                         sum[r] += b[3 * r] * x[0] + b[3 * r + 1] * x[1] + b[3 * r + 2] * x[2];
                     }

@@ -31,10 +31,14 @@ impl Run<'_> {
         if slope >= 0.0 || slope.is_nan() {
             return Err(Reason::NoDescent);
         }
-        let mut length = 1.0;
+        let free = self.free_length(potential, x, dx, trial);
+        if free <= 0.0 {
+            return Err(Reason::Touch);
+        }
+        let mut length = free;
         let mut inverted = false;
         let mut g_trial = Vec::new();
-        while length >= LEAST_STEP_LENGTH {
+        while length >= LEAST_STEP_LENGTH * free {
             for i in 0..x.len() {
                 trial[i] = x[i] + length * dx[i];
             }
@@ -62,6 +66,23 @@ impl Run<'_> {
             length = parabola.clamp(0.1 * length, 0.5 * length);
         }
         Err(if inverted { Reason::Inversion } else { Reason::NoDescent })
+    }
+    /// Greatest share of `dx` on whose way nothing touches; 1 where nothing can. Overwrites `trial`.
+    pub(super) fn free_length(
+        &self,
+        potential: &dyn Loading,
+        x: &[f64],
+        dx: &[f64],
+        trial: &mut [f64],
+    ) -> f64 {
+        let from = potential.touching(x);
+        if from.is_empty() {
+            return 1.0;
+        }
+        for i in 0..x.len() {
+            trial[i] = x[i] + dx[i];
+        }
+        potential.free_share(&from, trial)
     }
 }
 

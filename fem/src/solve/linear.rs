@@ -4,7 +4,7 @@
 //! and the answer are of double precision. Where single precision breaks down, or serves badly, double takes over.
 //! Nothing here depends on the clock, so that the same input gives the same bits.
 
-use super::{Analysis, BlockMatrix, Cholesky, Indefinite};
+use super::{Analysis, BlockMatrix, Cholesky, Indefinite, Pattern};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -28,6 +28,10 @@ pub struct LinearReport {
 #[derive(Debug)]
 pub struct LinearSolver {
     analysis: Arc<Analysis>,
+    /// Places of the nodes, to divide their graph.
+    points: Vec<f64>,
+    /// The pattern of the factor where blocks outside the matrix's own pattern belong to it.
+    joint: Option<Arc<Pattern>>,
     single: Option<Cholesky<f32>>,
     double: Option<Cholesky<f64>>,
     /// Single precision has failed: it is not tried again.
@@ -39,18 +43,18 @@ pub struct LinearSolver {
 }
 
 impl LinearSolver {
-    /// `double`: factors of double precision from the start.
-    pub fn new(analysis: Arc<Analysis>, double: bool) -> LinearSolver {
-        // Measured with factors of 10⁶ to 10⁸ numbers: a number in the factor costs as much in one iteration
-        // as 30 multiply-adds of the factorization.
-        let worth = (analysis.work() / (30.0 * analysis.n_values() as f64)) as usize;
+    /// `points`: places of the nodes, three coordinates each; `double`: factors of double precision from the start.
+    pub fn new(analysis: Arc<Analysis>, points: &[f64], double: bool) -> LinearSolver {
+        let worth = worth(&analysis);
         LinearSolver {
             analysis,
+            points: points.to_vec(),
+            joint: None,
             single: None,
             double: None,
             needs_double: double,
             usable: false,
-            worth: worth.clamp(3, 100),
+            worth,
         }
     }
 
@@ -122,6 +126,14 @@ impl LinearSolver {
     ) -> Result<(), Indefinite> {
         self.usable = false;
         let start = std::time::Instant::now();
+        let joint;
+        let k = match self.join(k) {
+            Some(pattern) => {
+                joint = k.spread(&pattern);
+                &joint
+            }
+            None => k,
+        };
         let mut done = Err(Indefinite { unknown: 0 });
         if !self.needs_double {
             let single = self.single.get_or_insert_with(|| Cholesky::new(self.analysis.clone()));
@@ -141,6 +153,25 @@ impl LinearSolver {
         }
         report.factorization_s += start.elapsed().as_secs_f64();
         done
+    }
+
+    /// The pattern on which to factorize a matrix with blocks outside its own, analysed anew where the last one lacks some
+    /// of them or has far more; `None`: its own.
+    fn join(&mut self, k: &BlockMatrix) -> Option<Arc<Pattern>> {
+        if k.n_cross() == 0 && self.joint.is_none() {
+            return None;
+        }
+        let n_blocks = k.pattern().n_blocks() + k.n_cross();
+        let kept = self.joint.take().filter(|p| p.n_blocks() <= STALE * n_blocks / 4 && k.fits(p));
+        let pattern = kept.unwrap_or_else(|| {
+            let pattern = Arc::new(k.joint_pattern());
+            self.analysis = Arc::new(Analysis::new(&pattern, &self.points));
+            self.worth = worth(&self.analysis);
+            (self.single, self.double) = (None, None);
+            pattern
+        });
+        self.joint = Some(pattern.clone());
+        Some(pattern)
     }
 
     fn precondition(&self, r: &[f64], z: &mut [f64]) {
@@ -203,6 +234,15 @@ impl LinearSolver {
         report.relative_residual = norm(&r) / norm(b);
         if norm(&r) <= wanted { Outcome::Converged } else { Outcome::Limit }
     }
+}
+
+/// Quarters of the wanted number of blocks beyond which a pattern that fits is given up.
+const STALE: usize = 5;
+
+/// Iterations that a factorization is worth. Measured with factors of 10⁶ to 10⁸ numbers: a number in the factor costs
+/// as much in one iteration as 30 multiply-adds of the factorization.
+fn worth(analysis: &Analysis) -> usize {
+    ((analysis.work() / (30.0 * analysis.n_values() as f64)) as usize).clamp(3, 100)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,31 +9,34 @@ use std::time::Instant;
 
 /// While the load is carried over, least det F may fall to this share in one go.
 const DET_F_SHARE: f64 = 0.1;
+/// Shortest share of what is left of a load step that is carried over at once.
+const LEAST_CARRY: f64 = 1.0 / 256.0;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
 impl Run<'_> {
-    /// From the equilibrium at `t` to that at `target`.
+    /// From the equilibrium at `t` to that at `target`, or as far as contact lets the load be carried over at once;
+    /// returns the load reached.
     pub(super) fn load_step(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
         t: f64,
         target: f64,
-    ) -> Result<(), Box<NotConverged>> {
+    ) -> Result<f64, Box<NotConverged>> {
         self.definite = false;
         self.blend = FIRST_BLEND;
         self.met_indefinite = false;
-        self.carry_over(potential, x, t, target)?;
+        let target = self.carry_over(potential, x, t, target)?;
         let mut kicks = 0;
         loop {
             self.newton(potential, x, target)?;
             if self.met_indefinite && self.report.indefinite_at.last() != Some(&target) {
                 self.report.indefinite_at.push(target);
             }
-            let doubtful = self.met_indefinite || self.settings.check_stability;
+            let doubtful = (self.met_indefinite || self.settings.check_stability) && self.supported;
             if !doubtful || kicks == 3 || self.is_stable(potential, x) {
-                return Ok(());
+                return Ok(target);
             }
             self.report.unstable_at.push(target);
             tracing::info!(island = %self.name, step = self.step, load = target, "equilibrium is unstable, leaving it");
@@ -42,20 +45,21 @@ impl Run<'_> {
         }
     }
 
-    /// Moves the load to `target` and the free nodes along with it.
+    /// Moves the load to `target`, or as far as contact allows, and the free nodes along with it; returns the load.
     fn carry_over(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
         mut t: f64,
         target: f64,
-    ) -> Result<(), Box<NotConverged>> {
+    ) -> Result<f64, Box<NotConverged>> {
         let n = x.len();
+        let first = t;
         let (mut g, mut ahead, mut moved) = (vec![0.0; n], vec![0.0; n], x.to_vec());
         let (mut dx, mut trial) = (vec![0.0; n], vec![0.0; n]);
         for iteration in 0..MAX_CARRIES {
             if t >= target {
-                return Ok(());
+                return Ok(t);
             }
             let start = Instant::now();
             // ∂g/∂t by a difference over a millionth of the way: only a prediction hangs on it.
@@ -66,9 +70,10 @@ impl Run<'_> {
             potential.gradient(&moved, &mut ahead);
             if moved == x && ahead == g {
                 potential.set_load(target, x); // nothing moves with the load: no step to predict
-                return Ok(());
+                return Ok(target);
             }
             potential.set_load(t, x);
+            let places = potential.touching(x);
             let rhs: Vec<f64> = (0..n).map(|i| -g[i] - (ahead[i] - g[i]) / share).collect();
             self.report.assembly_s += start.elapsed().as_secs_f64();
             if rhs.iter().any(|r| !r.is_finite()) {
@@ -90,23 +95,29 @@ impl Run<'_> {
                 potential.set_load(load, &mut trial);
                 let admissible = potential.energy(&trial).is_finite()
                     && (det_before <= 0.0 || potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before);
-                if admissible {
+                let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
+                if admissible && free >= 1.0 {
                     x.copy_from_slice(&trial);
                     t = load;
                     break;
                 }
-                length /= 2.0;
-                if length < 1.0 / 256.0 {
+                // Bodies turn, so the shorter way is another one and is checked again.
+                length *= if free < 1.0 { (0.9 * free).max(1e-3) } else { 0.5 };
+                if length < LEAST_CARRY {
                     potential.set_load(t, x);
-                    return Err(self.failure(potential, x, Reason::Inversion, iteration, &g));
+                    if t > first && !places.is_empty() {
+                        return Ok(t);
+                    }
+                    let reason = if free < 1.0 { Reason::Touch } else { Reason::Inversion };
+                    return Err(self.failure(potential, x, reason, iteration, &g));
                 }
             }
             let taken = Taken { step_length: length, linear: report, projected };
             potential.gradient(x, &mut g);
             self.record(potential, x, t, 0, &g, &taken, start);
         }
-        if t >= target {
-            return Ok(());
+        if t >= target || !potential.touching(x).is_empty() {
+            return Ok(t);
         }
         Err(self.failure(potential, x, Reason::Inversion, MAX_CARRIES, &g))
     }

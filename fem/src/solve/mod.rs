@@ -65,6 +65,17 @@ pub trait Potential: Send + Sync {
     /// Least det F over all integration points, and where: e.g. ``element 17 in `vastus_lateralis` ``.
     fn least_det_f(&self, x: &[f64]) -> (f64, String);
 
+    /// Places \[m\] of all that may touch, at `x` and the present load; empty where nothing can.
+    fn touching(&self, _x: &[f64]) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Greatest share 0..=1 of the straight way from the places `from` ([`touching`](Potential::touching)) to those at `x` and
+    /// the present load on which nothing touches.
+    fn free_share(&self, _from: &[f64], _x: &[f64]) -> f64 {
+        1.0
+    }
+
     /// Name of a free node for messages, e.g. ``node 12 of `rectus_femoris` ``.
     fn node_name(&self, free_node: usize) -> String {
         format!("free node {free_node}")

@@ -21,6 +21,8 @@ pub(super) struct Run<'a> {
     /// The linear solver with the factor it keeps, and room for the Hessian.
     pub(super) linear: &'a mut LinearSolver,
     pub(super) k: &'a mut BlockMatrix,
+    /// Nothing can move freely, but for contact.
+    pub(super) supported: bool,
     /// Unknowns that are prescribed.
     pub(super) fixed: Vec<bool>,
     /// The next Hessian is made definite without a try of the true one.

@@ -45,6 +45,8 @@ pub struct Advance {
 pub enum Reason {
     /// Every direction of descent inverts an element.
     Inversion,
+    /// Surfaces in contact leave no room for any step.
+    Touch,
     /// The energy does not fall along the Newton direction.
     NoDescent,
     /// The iterations ran out.
@@ -69,6 +71,7 @@ impl std::fmt::Display for Reason {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self {
             Reason::Inversion => write!(f, "every step would invert an element"),
+            Reason::Touch => write!(f, "every step would make surfaces touch"),
             Reason::NoDescent => write!(f, "the energy does not fall along the Newton direction"),
             Reason::Iterations => write!(f, "the iterations ran out"),
             Reason::Singular { node, direction } => {

@@ -56,6 +56,8 @@ struct Kept {
     linear: LinearSolver,
     /// Room for the Hessian.
     k: BlockMatrix,
+    /// Nothing can move freely; parts that only contact may hold can.
+    supported: bool,
 }
 
 impl Solver {
@@ -87,7 +89,7 @@ impl Solver {
             return Err(SolveError::Inadmissible { island: self.name.clone(), step, place, det_f });
         }
         let (name, settings) = (self.name.clone(), self.settings);
-        let Kept { linear, k, .. } = self.prepare(potential, x)?;
+        let Kept { linear, k, supported, .. } = self.prepare(potential, x)?;
         let mut run = Run {
             name,
             settings,
@@ -96,6 +98,7 @@ impl Solver {
             report: Advance::default(),
             linear,
             k,
+            supported: *supported,
             fixed: potential.fixed().to_vec(),
             definite: false,
             blend: FIRST_BLEND,
@@ -107,11 +110,12 @@ impl Solver {
             let target = if t + length > 1.0 - 1e-9 { 1.0 } else { t + length };
             let before = run.report.iterations;
             match run.load_step(potential, x, t, target) {
-                Ok(()) => {
+                Ok(reached) => {
                     run.report.load_steps += 1;
-                    t = target;
+                    t = reached;
                     good.copy_from_slice(x);
-                    if run.report.iterations - before <= 12 {
+                    // Where contact cut the step short its length was no fault of Newton's method.
+                    if reached == target && run.report.iterations - before <= 12 {
                         length *= 2.0;
                     }
                 }
@@ -133,7 +137,7 @@ impl Solver {
         Ok(run.report)
     }
 
-    /// Analyses a new pattern and refuses an island that can move freely.
+    /// Analyses a new pattern and refuses an island that can move freely, where nothing can touch that might hold it.
     fn prepare(&mut self, potential: &dyn Loading, x: &[f64]) -> Result<&mut Kept, SolveError> {
         let pattern = potential.pattern();
         if !self.kept.as_ref().is_some_and(|kept| Arc::ptr_eq(&kept.pattern, pattern)) {
@@ -141,12 +145,13 @@ impl Solver {
             let mut k = BlockMatrix::zeros(pattern.clone());
             potential.hessian(x, false, &mut k);
             let parts = free_parts(&k, potential.fixed(), x);
-            if !parts.is_empty() {
+            if !parts.is_empty() && potential.touching(x).is_empty() {
                 self.kept = None;
                 return Err(SolveError::Unsupported { island: self.name.clone(), parts });
             }
-            let linear = LinearSolver::new(analysis, self.settings.double_precision_factor);
-            self.kept = Some(Kept { pattern: pattern.clone(), linear, k });
+            let linear = LinearSolver::new(analysis, x, self.settings.double_precision_factor);
+            let supported = parts.is_empty();
+            self.kept = Some(Kept { pattern: pattern.clone(), linear, k, supported });
         }
         Ok(self.kept.as_mut().expect("kept for this pattern"))
     }

@@ -46,11 +46,14 @@ impl Run<'_> {
             .fold(0.0, f64::max);
         let mut size = 1e-3 * extent * kick as f64;
         let mut trial = vec![0.0; n];
+        let places = potential.touching(x);
         for _ in 0..20 {
             for i in 0..n {
                 trial[i] = x[i] + size * mode[i];
             }
-            if potential.energy(&trial).is_finite() {
+            if potential.energy(&trial).is_finite()
+                && (places.is_empty() || potential.free_share(&places, &trial) >= 1.0)
+            {
                 x.copy_from_slice(&trial);
                 break;
             }

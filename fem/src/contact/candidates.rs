@@ -1,0 +1,128 @@
+//! Which pairs can be close: everything else is skipped by boxes.
+//!
+//! The list is made for boxes in which the collision points stay, and serves every state whose points lie in them: a
+//! whole Newton step with its line search, and later iterations that move little.
+
+use super::surface::Surfaces;
+use super::tree::{Aabb, Fitted};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// What takes part in contact with what.
+#[derive(Clone, Debug, Default)]
+pub struct Partners {
+    /// Surfaces that each surface may meet, ascending.
+    pub of: Vec<Vec<usize>>,
+    /// Surfaces that a collision point takes no notice of, one bit each.
+    pub muted: Vec<u64>,
+    /// What collision points move with all of whose nodes are prescribed; `None`: free.
+    pub carrier: Vec<Option<u32>>,
+}
+
+impl Partners {
+    /// Whether a pair of primitives counts: something of it can move, no two points of it move together, its surfaces take
+    /// notice of each other there, and it has no node in common.
+    pub fn counts(&self, all: &Surfaces, a: &[u32], b: &[u32]) -> bool {
+        let carrier = |p: u32| self.carrier[p as usize];
+        if a.iter().chain(b).all(|&p| carrier(p).is_some()) {
+            return false;
+        }
+        if a.iter().any(|&p| carrier(p).is_some() && b.iter().any(|&q| carrier(p) == carrier(q))) {
+            return false;
+        }
+        let (of_a, of_b) = (all.surface(a[0]), all.surface(b[0]));
+        let mutes =
+            |points: &[u32], other: usize| points.iter().any(|&p| self.muted[p as usize] >> other & 1 == 1);
+        if mutes(a, of_b) || mutes(b, of_a) {
+            return false;
+        }
+        !a.iter().any(|&p| b.iter().any(|&q| all.related(p, q)))
+    }
+}
+
+/// Pairs that can be closer than the activation distance.
+#[derive(Clone, Debug, Default)]
+pub struct Candidates {
+    /// Where the list is good for each collision point to be.
+    boxes: Vec<Aabb>,
+    /// (collision point, triangle), ascending.
+    pub point_triangle: Vec<[u32; 2]>,
+    /// (edge, edge), ascending.
+    pub edge_edge: Vec<[u32; 2]>,
+}
+
+impl Candidates {
+    /// Whether the list serves points at `p`.
+    pub fn covers(&self, p: &[Vector3<f64>]) -> bool {
+        self.boxes.len() == p.len() && self.boxes.iter().zip(p).all(|(b, p)| b.contains(p))
+    }
+
+    /// The list for all states between `from` and `to` and up to `slack` \[m\] beside; `reach`: largest activation
+    /// distance \[m\].
+    pub fn new(
+        all: &Surfaces,
+        partners: &Partners,
+        from: &[Vector3<f64>],
+        to: &[Vector3<f64>],
+        slack: f64,
+        reach: f64,
+    ) -> Candidates {
+        let boxes: Vec<Aabb> = from.iter().zip(to).map(|(a, b)| Aabb::of_way(a, b, slack)).collect();
+        let of = |points: &[u32]| points.iter().fold(Aabb::empty(), |sum, &p| sum.join(&boxes[p as usize]));
+        let fitted: Vec<(Fitted, Fitted)> = all
+            .list
+            .par_iter()
+            .map(|s| {
+                let triangle = |t: u32| of(&all.triangles[s.triangles.start + t as usize]);
+                let edge = |e: u32| of(&all.edges[s.edges.start + e as usize].points);
+                (s.triangle_tree.fit(triangle), s.edge_tree.fit(edge))
+            })
+            .collect();
+        let point_triangle = collect(boxes.len(), |p, found| {
+            let query = boxes[p as usize].grown(reach);
+            for &other in &partners.of[all.surface(p)] {
+                let s = &all.list[other];
+                s.triangle_tree.overlapping(&fitted[other].0, &query, |t| {
+                    let t = (s.triangles.start + t as usize) as u32;
+                    let corners = &all.triangles[t as usize];
+                    if of(corners).overlaps(&query) && partners.counts(all, &[p], corners) {
+                        found.push([p, t]);
+                    }
+                });
+            }
+        });
+        let edge_edge = collect(all.edges.len(), |e, found| {
+            let ends = &all.edges[e as usize].points;
+            let query = of(ends).grown(reach);
+            let mine = all.surface(ends[0]);
+            for &other in partners.of[mine].iter().filter(|&&other| other >= mine) {
+                let s = &all.list[other];
+                s.edge_tree.overlapping(&fitted[other].1, &query, |f| {
+                    let f = (s.edges.start + f as usize) as u32;
+                    let others = &all.edges[f as usize].points;
+                    if f > e && of(others).overlaps(&query) && partners.counts(all, ends, others) {
+                        found.push([e, f]);
+                    }
+                });
+            }
+        });
+        Candidates { boxes, point_triangle, edge_edge }
+    }
+}
+
+/// Pairs found for each of `n` primitives, in their order.
+fn collect(n: usize, find: impl Fn(u32, &mut Vec<[u32; 2]>) + Sync) -> Vec<[u32; 2]> {
+    const PIECE: usize = 256;
+    let pieces: Vec<Vec<[u32; 2]>> = (0..n.div_ceil(PIECE))
+        .into_par_iter()
+        .map(|piece| {
+            let mut found = Vec::new();
+            for i in piece * PIECE..n.min((piece + 1) * PIECE) {
+                find(i as u32, &mut found);
+            }
+            found.sort_unstable();
+            found
+        })
+        .collect();
+    pieces.concat()
+}

@@ -1,0 +1,427 @@
+//! Frictionless contact between surfaces.
+//!
+//! **Guarded**: a barrier on the distance, integrated over both surfaces of a pair, and continuous collision detection in
+//! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020). Every state that is accepted can be
+//! reached from the start without a touch, so nothing ever passes through.
+//!
+//! Π = ½ Σ over samples of A (area) b(distance to B) + the same from B to A + Σ over pairs of edges (area) b(distance).
+//! The distance of a sample to a surface is made smooth at edges and corners by counting the triangles within reach, less the
+//! edges that they share, plus the corners (Li, Kaufman & Jiang, arXiv:2307.15908, §4). Areas are those of
+//! the reference configuration, so that forces do not hang on the mesh. Edges are within reach at half the distance only:
+//! they matter where edges cross and nothing else is near.
+
+//!
+//! **Cheap**: a penalty on the penetration of the samples of both surfaces instead; nothing is guaranteed, the depth is
+//! reported (see [`PairForce`]).
+
+#![allow(non_snake_case)]
+
+pub mod barrier;
+mod candidates;
+pub mod ccd;
+pub mod closest;
+mod measure;
+mod penalty;
+mod start;
+pub mod stencil;
+pub mod surface;
+mod tree;
+
+pub use measure::PairForce;
+pub use start::Overlap;
+
+use candidates::{Candidates, Partners};
+use closest::{Feature, Points, edge_edge, feature, point_edge, point_point, point_triangle};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex};
+use stencil::{Law, Matrix12, Stencil};
+use surface::{SurfaceInput, Surfaces};
+
+/// Distance within which edges repel each other, as a share of that of samples.
+const EDGE_REACH: f64 = 0.5;
+/// Depth to which penetrations are looked for in the cheap mode, as a share of the edge length.
+const DEPTH: f64 = 1.0;
+/// Slack of the candidate list as a share of the activation distance.
+const SLACK: f64 = 0.5;
+
+/// How contact keeps surfaces apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Nothing ever passes through.
+    #[default]
+    Guarded,
+    /// Surfaces penetrate each other a little.
+    Cheap,
+}
+
+/// What takes part in the contact of one island, over its local nodes.
+#[derive(Clone, Debug, Default)]
+pub struct ContactInput {
+    /// Surfaces.
+    pub surfaces: Vec<SurfaceInput>,
+    /// Pairs of surfaces that may meet; twice the same for contact with itself.
+    pub pairs: Vec<[usize; 2]>,
+    /// Guarded: activation distance d̂ \[m\]; cheap: penetration at which the pressure is the stiffness of the softer side.
+    pub distance: f64,
+    /// Which of the two.
+    pub mode: Mode,
+    /// What each node moves with where all its components are prescribed (the same number: together); `None`: free.
+    pub carrier: Vec<Option<u32>>,
+    /// (node, surface): primitives with this node take no notice of that surface.
+    pub muted: Vec<(u32, usize)>,
+}
+
+/// Contact of one island.
+pub struct Contact {
+    /// How surfaces are kept apart.
+    pub mode: Mode,
+    distance: f64,
+    /// The collision surfaces.
+    pub surfaces: Surfaces,
+    partners: Partners,
+    /// Activation distance of each collision point \[m\]: no greater than its distance at the start, so that the start is
+    /// free of forces.
+    reach: Vec<f64>,
+    /// The same of edges.
+    edge_reach: Vec<f64>,
+    largest_reach: f64,
+    cache: Mutex<Arc<Candidates>>,
+}
+
+impl Contact {
+    /// Contact over nodes that start at `X` \[m\]. The surfaces must not touch there; see [`Contact::least_distance`].
+    pub fn new(input: &ContactInput, X: &[f64]) -> Contact {
+        let surfaces = Surfaces::new(&input.surfaces, X);
+        let mut of = vec![Vec::new(); surfaces.list.len()];
+        for &[a, b] in &input.pairs {
+            of[a].push(b);
+            of[b].push(a);
+        }
+        of.iter_mut().for_each(|list| {
+            list.sort_unstable();
+            list.dedup();
+        });
+        let mut muted_at = vec![0_u64; X.len() / 3];
+        for &(node, surface) in &input.muted {
+            muted_at[node as usize] |= 1 << surface;
+        }
+        let muted = surfaces.points.iter().map(|b| b.parts().fold(0, |m, (n, _)| m | muted_at[n as usize]));
+        let carrier = |b: &surface::Blend| {
+            let first = input.carrier[b.nodes[0] as usize];
+            match b.parts().all(|(n, _)| input.carrier[n as usize] == first) {
+                true => first,
+                // Prescribed in several ways: it moves with nothing else.
+                false => b.parts().all(|(n, _)| input.carrier[n as usize].is_some()).then_some(u32::MAX),
+            }
+        };
+        let carrier = surfaces.points.iter().map(carrier).collect();
+        let partners = Partners { of, muted: muted.collect(), carrier };
+        // Points deeper than this have come from the other side.
+        let depth = DEPTH * surfaces.edge_length;
+        let mut contact = Contact {
+            mode: input.mode,
+            distance: input.distance,
+            reach: vec![input.distance; surfaces.points.len()],
+            edge_reach: vec![EDGE_REACH * input.distance; surfaces.edges.len()],
+            largest_reach: if input.mode == Mode::Cheap { depth } else { input.distance },
+            surfaces,
+            partners,
+            cache: Mutex::default(),
+        };
+        if contact.mode == Mode::Guarded {
+            contact.fit_reach(X);
+        }
+        contact
+    }
+
+    /// Lowers the activation distances to the distances at the start.
+    fn fit_reach(&mut self, X: &[f64]) {
+        let p = self.surfaces.positions(X);
+        let near = self.candidates(&p);
+        for &[s, t] in &near.point_triangle {
+            let d = point_triangle(&self.triangle_points(s, t, &p)).squared().sqrt();
+            let reach = &mut self.reach[s as usize];
+            *reach = reach.min(d);
+        }
+        for &[e, f] in &near.edge_edge {
+            let d = edge_edge(&self.edge_points(e, f, &p)).squared().sqrt();
+            for edge in [e, f] {
+                let reach = &mut self.edge_reach[edge as usize];
+                *reach = reach.min(d);
+            }
+        }
+    }
+
+    fn triangle_points(&self, s: u32, t: u32, p: &[Vector3<f64>]) -> Points {
+        let [a, b, c] = self.surfaces.triangles[t as usize];
+        [s, a, b, c].map(|i| p[i as usize])
+    }
+
+    fn edge_points(&self, e: u32, f: u32, p: &[Vector3<f64>]) -> Points {
+        let [e, f] = [e, f].map(|e| self.surfaces.edges[e as usize].points);
+        [e[0], e[1], f[0], f[1]].map(|i| p[i as usize])
+    }
+
+    /// Pairs that can be within reach of each other with the points at `p`.
+    fn candidates(&self, p: &[Vector3<f64>]) -> Arc<Candidates> {
+        self.candidates_between(p, p)
+    }
+
+    fn candidates_between(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Arc<Candidates> {
+        let mut cache = self.cache.lock().expect("no thread panics while it holds the list");
+        if !(cache.covers(from) && cache.covers(to)) {
+            let slack = SLACK * self.largest_reach;
+            let list = Candidates::new(&self.surfaces, &self.partners, from, to, slack, self.largest_reach);
+            *cache = Arc::new(list);
+        }
+        cache.clone()
+    }
+
+    /// Terms of the potential at positions `x` \[m\] of the local nodes.
+    pub fn stencils(&self, x: &[f64]) -> (Vec<Vector3<f64>>, Vec<Stencil>) {
+        let p = self.surfaces.positions(x);
+        let near = self.candidates(&p);
+        let of_samples: Vec<&[[u32; 2]]> = near.point_triangle.chunk_by(|a, b| a[0] == b[0]).collect();
+        let samples = of_samples.par_chunks(128).map(|chunk| {
+            let mut out = Vec::new();
+            for list in chunk {
+                match self.mode {
+                    Mode::Guarded => self.sample_stencils(list, &p, &mut out),
+                    Mode::Cheap => out.extend(self.springs(list, &p)),
+                }
+            }
+            out
+        });
+        let edge_edge = if self.mode == Mode::Guarded { near.edge_edge.as_slice() } else { &[] };
+        let edges = edge_edge
+            .par_chunks(512)
+            .map(|chunk| chunk.iter().filter_map(|&[e, f]| self.edge_stencil(e, f, &p)).collect::<Vec<_>>());
+        let all: Vec<Vec<Stencil>> = samples.chain(edges).collect();
+        (p, all.concat())
+    }
+
+    /// Terms of one sample: triangles within reach, less the edges they share, plus the corners.
+    fn sample_stencils(&self, near: &[[u32; 2]], p: &[Vector3<f64>], out: &mut Vec<Stencil>) {
+        let s = near[0][0];
+        let all = &self.surfaces;
+        let reach = self.reach[s as usize];
+        let within =
+            |&&[_, t]: &&[u32; 2]| point_triangle(&self.triangle_points(s, t, p)).squared() < reach * reach;
+        let triangles: Vec<u32> = near.iter().filter(within).map(|n| n[1]).collect();
+        // (kind of feature, which) and how often it counts: 0 triangle, 1 edge, 2 corner.
+        let mut counts: Vec<((u8, u32), f64)> = Vec::new();
+        let mut count = |key: (u8, u32), by: f64| match counts.iter_mut().find(|(k, _)| *k == key) {
+            Some((_, n)) => *n += by,
+            None => counts.push((key, by)),
+        };
+        let mut edges: Vec<(u32, f64)> = Vec::new();
+        let mut corners: Vec<(u32, f64)> = Vec::new();
+        for &t in &triangles {
+            let (which, _) = feature(&self.triangle_points(s, t, p));
+            let key = match which {
+                Feature::Face => (0, t),
+                Feature::Edge(e) => (1, all.triangle_edges[t as usize][e as usize]),
+                Feature::Vertex(v) => (2, all.triangles[t as usize][v as usize]),
+            };
+            count(key, 1.0);
+            if triangles.len() > 1 {
+                all.triangle_edges[t as usize].iter().for_each(|&e| tally(&mut edges, e, 1.0, 0.0));
+                all.triangles[t as usize].iter().for_each(|&v| tally(&mut corners, v, -1.0, 1.0));
+            }
+        }
+        for &(e, n) in edges.iter().filter(|(_, n)| *n > 1.0) {
+            let [a, b] = all.edges[e as usize].points;
+            [a, b].iter().for_each(|&v| tally(&mut corners, v, n - 1.0, 1.0));
+            let closest = point_edge(&[s, a, b, b].map(|i| p[i as usize]));
+            if closest.squared() < reach * reach {
+                let key = match closest.n_free {
+                    1 => (1, e),
+                    _ => (2, if closest.c[1] == 0.0 { b } else { a }),
+                };
+                count(key, 1.0 - n);
+            }
+        }
+        for &(v, n) in corners.iter().filter(|(_, n)| *n != 0.0) {
+            if (p[s as usize] - p[v as usize]).norm_squared() < reach * reach {
+                count((2, v), n);
+            }
+        }
+        for ((kind, which), n) in counts.into_iter().filter(|(_, n)| *n != 0.0) {
+            let (points, other) = match kind {
+                0 => {
+                    let [a, b, c] = all.triangles[which as usize];
+                    ([s, a, b, c], a)
+                }
+                1 => {
+                    let [a, b] = all.edges[which as usize].points;
+                    ([s, a, b, b], a)
+                }
+                _ => ([s, which, which, which], which),
+            };
+            let x = points.map(|i| p[i as usize]);
+            let closest = match kind {
+                0 => point_triangle(&x),
+                1 => point_edge(&x),
+                _ => point_point(&x),
+            };
+            let scale = 0.5 * n * all.areas[s as usize] * self.stiffness(s, other);
+            out.push(Stencil { points, closest, scale, law: Law::Barrier(reach), edges: 0.0 });
+        }
+    }
+
+    fn edge_stencil(&self, e: u32, f: u32, p: &[Vector3<f64>]) -> Option<Stencil> {
+        let reach = self.edge_reach[e as usize].min(self.edge_reach[f as usize]);
+        let closest = edge_edge(&self.edge_points(e, f, p));
+        if closest.squared() >= reach * reach {
+            return None;
+        }
+        let (e, f) = (&self.surfaces.edges[e as usize], &self.surfaces.edges[f as usize]);
+        let points = [e.points[0], e.points[1], f.points[0], f.points[1]];
+        let scale = 0.25 * (e.area + f.area) * self.stiffness(points[0], points[2]);
+        Some(Stencil {
+            points,
+            closest,
+            scale,
+            law: Law::Barrier(reach),
+            edges: e.squared_length * f.squared_length,
+        })
+    }
+
+    /// Stiffness \[Pa\] of the layer between the surfaces of two collision points: that of the softer side.
+    fn stiffness(&self, p: u32, q: u32) -> f64 {
+        let all = &self.surfaces;
+        all.list[all.surface(p)].stiffness.min(all.list[all.surface(q)].stiffness)
+    }
+
+    /// Π \[J\].
+    pub fn energy(&self, x: &[f64]) -> f64 {
+        let (p, stencils) = self.stencils(x);
+        let energies: Vec<f64> = stencils
+            .par_iter()
+            .with_min_len(512)
+            .map(|s| s.energy(&s.points.map(|i| p[i as usize])))
+            .collect();
+        energies.iter().sum()
+    }
+
+    /// Adds ∂Π/∂x \[N\] over the local nodes.
+    pub fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
+        let (p, stencils) = self.stencils(x);
+        let forces: Vec<[Vector3<f64>; 4]> = stencils
+            .par_iter()
+            .with_min_len(512)
+            .map(|s| s.gradient(&s.points.map(|i| p[i as usize])))
+            .collect();
+        for (stencil, forces) in stencils.iter().zip(&forces) {
+            for (&point, force) in stencil.points.iter().zip(forces) {
+                for (node, weight) in self.surfaces.points[point as usize].parts() {
+                    for c in 0..3 {
+                        g[3 * node as usize + c] += weight * force[c];
+                    }
+                }
+            }
+        }
+    }
+
+    /// ∂²Π/∂x∂x \[N/m\] as blocks between local nodes, both triangles, ascending by (row, column).
+    pub fn hessian(&self, x: &[f64], projected: bool) -> Vec<([u32; 2], [f64; 9])> {
+        let (p, stencils) = self.stencils(x);
+        let matrices: Vec<Matrix12> = stencils
+            .par_iter()
+            .with_min_len(64)
+            .map(|s| {
+                let mut H = s.hessian(&s.points.map(|i| p[i as usize]));
+                if projected {
+                    crate::element::psd::clamp(&mut H);
+                }
+                H
+            })
+            .collect();
+        // Which (stencil, point) each node takes part in.
+        let mut at_node: Vec<(u32, u32, u8, f64)> = Vec::new();
+        for (k, stencil) in stencils.iter().enumerate() {
+            for (i, &point) in stencil.points.iter().enumerate().filter(|(i, _)| stencil.weighs(*i)) {
+                let parts = self.surfaces.points[point as usize].parts();
+                at_node.extend(parts.map(|(node, weight)| (node, k as u32, i as u8, weight)));
+            }
+        }
+        at_node.sort_by_key(|entry| (entry.0, entry.1, entry.2));
+        let rows: Vec<&[(u32, u32, u8, f64)]> = at_node.chunk_by(|a, b| a.0 == b.0).collect();
+        let blocks: Vec<Vec<([u32; 2], [f64; 9])>> = rows
+            .par_iter()
+            .with_min_len(16)
+            .map(|row| {
+                let mut blocks: Vec<([u32; 2], [f64; 9])> = Vec::new();
+                for &(node, k, i, weight) in row.iter() {
+                    let (stencil, H) = (&stencils[k as usize], &matrices[k as usize]);
+                    let i = i as usize;
+                    for (j, &point) in stencil.points.iter().enumerate().filter(|(j, _)| stencil.weighs(*j)) {
+                        for (other, share) in self.surfaces.points[point as usize].parts() {
+                            let at = match blocks.binary_search_by_key(&other, |b| b.0[1]) {
+                                Ok(at) => at,
+                                Err(at) => {
+                                    blocks.insert(at, ([node, other], [0.0; 9]));
+                                    at
+                                }
+                            };
+                            let block = &mut blocks[at].1;
+                            for (e, value) in block.iter_mut().enumerate() {
+                                *value += weight * share * H[3 * i + e / 3][3 * j + e % 3];
+                            }
+                        }
+                    }
+                }
+                blocks
+            })
+            .collect();
+        blocks.concat()
+    }
+
+    /// Greatest share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that touches nothing.
+    pub fn share(&self, from: &[f64], to: &[f64]) -> f64 {
+        let (start, end) = (self.surfaces.positions(from), self.surfaces.positions(to));
+        let farthest = start.iter().zip(&end).map(|(a, b)| (b - a).norm_squared()).fold(0.0, f64::max).sqrt();
+        if !farthest.is_finite() {
+            return 0.0;
+        }
+        // Long ways in pieces of an edge's length, so that the boxes of the ways do not meet everything.
+        let n = ((farthest / self.surfaces.edge_length).ceil() as usize).clamp(1, MAX_PIECES);
+        let at = |k: usize| -> Vec<Vector3<f64>> {
+            match k {
+                0 => start.clone(),
+                k if k == n => end.clone(),
+                k => start.iter().zip(&end).map(|(a, b)| a + (b - a) * (k as f64 / n as f64)).collect(),
+            }
+        };
+        for k in 0..n {
+            let share = self.straight_share(&at(k), &at(k + 1));
+            if share < 1.0 {
+                return (k as f64 + share) / n as f64;
+            }
+        }
+        1.0
+    }
+
+    fn straight_share(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {
+        let near = self.candidates_between(from, to);
+        let triangles = near.point_triangle.par_iter().with_min_len(512).map(|&[s, t]| {
+            ccd::point_triangle_share(&self.triangle_points(s, t, from), &self.triangle_points(s, t, to))
+        });
+        let edges =
+            near.edge_edge.par_iter().with_min_len(512).map(|&[e, f]| {
+                ccd::edge_edge_share(&self.edge_points(e, f, from), &self.edge_points(e, f, to))
+            });
+        triangles.chain(edges).reduce(|| 1.0, f64::min)
+    }
+}
+
+/// Pieces at most into which a way is cut.
+const MAX_PIECES: usize = 64;
+
+fn tally(list: &mut Vec<(u32, f64)>, key: u32, by: f64, start: f64) {
+    match list.iter_mut().find(|(k, _)| *k == key) {
+        Some((_, n)) => *n += by,
+        None => list.push((key, start + by)),
+    }
+}

@@ -1,0 +1,276 @@
+//! Is the start free of overlaps; where not, how deep, and how the mesh must change.
+
+use super::Contact;
+use super::ccd::KEPT;
+use super::closest::{Feature, feature, point_triangle};
+use super::surface::{Surface, Surfaces};
+use super::tree::{Aabb, Fitted};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Two surfaces that overlap or touch at the start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlap {
+    /// The surfaces.
+    pub names: [String; 2],
+    /// Greatest depth \[m\] of a point of one inside the other; 0 where they only touch.
+    pub depth: f64,
+    /// Where that is \[m\].
+    pub place: [f64; 3],
+    /// Number of collision points concerned, of both.
+    pub n_points: usize,
+}
+
+impl std::fmt::Display for Overlap {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let Overlap { names: [a, b], depth, place: [x, y, z], n_points } = self;
+        write!(
+            f,
+            "`{a}` and `{b}` by {:.3} mm ({n_points} points, deepest at {x:.4}, {y:.4}, {z:.4} m)",
+            depth * 1e3
+        )
+    }
+}
+
+/// A collision point that is closer to another surface than wanted.
+struct Near {
+    point: u32,
+    triangle: u32,
+    /// Weights of its closest point among the corners of the triangle.
+    at: [f64; 3],
+    /// Direction out of the other surface.
+    out: Vector3<f64>,
+    /// Signed distance \[m\], negative inside.
+    gap: f64,
+}
+
+impl Contact {
+    /// Pairs of surfaces that overlap, or are closer than `least` \[m\], with the nodes at `x`.
+    pub fn overlaps(&self, x: &[f64], least: f64) -> Vec<Overlap> {
+        let p = self.surfaces.positions(x);
+        let mut pairs = BTreeMap::<[usize; 2], Overlap>::new();
+        for near in self.near(&p, least) {
+            let all = &self.surfaces;
+            let (a, b) = (all.surface(near.point), all.surface(all.triangles[near.triangle as usize][0]));
+            let names = [a.min(b), a.max(b)].map(|s| all.list[s].name.clone());
+            let place = p[near.point as usize].into();
+            let new = Overlap { names, depth: 0.0, place, n_points: 0 };
+            let overlap = pairs.entry([a.min(b), a.max(b)]).or_insert(new);
+            overlap.n_points += 1;
+            if -near.gap > overlap.depth {
+                (overlap.depth, overlap.place) = (-near.gap, place);
+            }
+        }
+        for [e, t] in self.crossings(&p) {
+            let all = &self.surfaces;
+            let end = all.edges[e as usize].points[0];
+            let (a, b) = (all.surface(end), all.surface(all.triangles[t as usize][0]));
+            let names = [a.min(b), a.max(b)].map(|s| all.list[s].name.clone());
+            let new = Overlap { names, depth: 0.0, place: p[end as usize].into(), n_points: 0 };
+            pairs.entry([a.min(b), a.max(b)]).or_insert(new).n_points += 1;
+        }
+        pairs.into_values().collect()
+    }
+
+    /// Edges that pass through triangles of surfaces that they may meet.
+    fn crossings(&self, p: &[Vector3<f64>]) -> Vec<[u32; 2]> {
+        let all = &self.surfaces;
+        let of = |points: &[u32]| {
+            let grow = |sum: Aabb, i: &u32| sum.join(&Aabb::of_way(&p[*i as usize], &p[*i as usize], 0.0));
+            points.iter().fold(Aabb::empty(), grow)
+        };
+        let fit = |s: &Surface| s.triangle_tree.fit(|t| of(&all.triangles[s.triangles.start + t as usize]));
+        let fitted: Vec<Fitted> = all.list.par_iter().map(fit).collect();
+        let find = |e: usize| -> Vec<[u32; 2]> {
+            let ends = &all.edges[e].points;
+            let [a, b] = ends.map(|i| p[i as usize]);
+            let (query, mut found) = (of(ends), Vec::new());
+            for &other in &self.partners.of[all.surface(ends[0])] {
+                let s = &all.list[other];
+                s.triangle_tree.overlapping(&fitted[other], &query, |t| {
+                    let t = s.triangles.start + t as usize;
+                    let corners = &all.triangles[t];
+                    if crosses(&a, &b, &corners.map(|c| p[c as usize]))
+                        && self.partners.counts(all, ends, corners)
+                    {
+                        found.push([e as u32, t as u32]);
+                    }
+                });
+            }
+            found
+        };
+        let found: Vec<Vec<_>> = (0..all.edges.len()).into_par_iter().with_min_len(64).map(find).collect();
+        found.into_iter().flatten().collect()
+    }
+
+    /// Collision points closer than `least` to a surface that they may meet, or inside it.
+    fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
+        let all = &self.surfaces;
+        let fitted: Vec<(Fitted, Aabb, Normals)> = all
+            .list
+            .par_iter()
+            .map(|s| {
+                let corners = |t: usize| all.triangles[t].map(|c| p[c as usize]);
+                let box_of = |t: usize| {
+                    corners(t).iter().fold(Aabb::empty(), |sum, c| sum.join(&Aabb::of_way(c, c, 0.0)))
+                };
+                let whole = s.triangles.clone().fold(Aabb::empty(), |sum, t| sum.join(&box_of(t)));
+                let fitted = s.triangle_tree.fit(|t| box_of(s.triangles.start + t as usize));
+                (fitted, whole.grown(least), Normals::new(all, s.triangles.clone(), p))
+            })
+            .collect();
+        let find = |point: usize| -> Vec<Near> {
+            let q = &p[point];
+            let mut found = Vec::new();
+            for &other in &self.partners.of[all.surface(point as u32)] {
+                let (fitted, whole, normals) = &fitted[other];
+                let s = &all.list[other];
+                if !whole.contains(q) || other == all.surface(point as u32) {
+                    continue;
+                }
+                let squared = |t: u32| {
+                    let t = (s.triangles.start + t as usize) as u32;
+                    point_triangle(&self.triangle_points(point as u32, t, p)).squared()
+                };
+                let Some((t, d)) = s.triangle_tree.nearest(fitted, q, f64::MAX.sqrt(), squared) else {
+                    continue;
+                };
+                let triangle = (s.triangles.start + t as usize) as u32;
+                if !self.partners.counts(all, &[point as u32], &all.triangles[triangle as usize]) {
+                    continue;
+                }
+                let x = self.triangle_points(point as u32, triangle, p);
+                let (which, at) = feature(&x);
+                let Some(normal) = normals.of(all, triangle, which) else { continue };
+                let inside = point_triangle(&x).w.dot(&normal) < 0.0;
+                let gap = if inside { -d.sqrt() } else { d.sqrt() };
+                if gap < least {
+                    found.push(Near { point: point as u32, triangle, at, out: normal, gap });
+                }
+            }
+            found
+        };
+        let found: Vec<Vec<Near>> =
+            (0..all.points.len()).into_par_iter().with_min_len(64).map(find).collect();
+        found.into_iter().flatten().collect()
+    }
+
+    /// Displacements \[m\] of the nodes at `x` that take all surfaces at least `gap` \[m\] apart, `gap` well above zero; nodes
+    /// for which `moves` is false stay. `None` where that cannot be reached.
+    pub fn part(&self, x: &[f64], gap: f64, moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
+        let mut now = x.to_vec();
+        for _ in 0..MAX_ROUNDS {
+            let p = self.surfaces.positions(&now);
+            let near = self.near(&p, gap);
+            if near.is_empty() && self.least_distance(&now) > KEPT * gap && self.crossings(&p).is_empty() {
+                return Some(now.iter().zip(x).map(|(a, b)| a - b).collect());
+            }
+            // Of all wishes of a node the greatest counts.
+            let mut wish = BTreeMap::<u32, Vector3<f64>>::new();
+            for n in &near {
+                let way = n.out * (1.05 * gap - n.gap);
+                let corners = self.surfaces.triangles[n.triangle as usize];
+                let side = |points: &[u32]| -> Vec<u32> {
+                    let nodes = points.iter().flat_map(|&p| self.surfaces.points[p as usize].parts());
+                    nodes
+                        .filter(|(node, weight)| *weight > 0.05 && moves(*node))
+                        .map(|(node, _)| node)
+                        .collect()
+                };
+                let weighty: Vec<u32> = (0..3).filter(|&c| n.at[c] > 0.05).map(|c| corners[c]).collect();
+                let (mine, theirs) = (side(&[n.point]), side(&weighty));
+                let share = if mine.is_empty() || theirs.is_empty() { 1.0 } else { 0.5 };
+                for (nodes, way) in [(mine, way * share), (theirs, -way * share)] {
+                    for node in nodes {
+                        let wish = wish.entry(node).or_default();
+                        if way.norm() > wish.norm() {
+                            *wish = way;
+                        }
+                    }
+                }
+            }
+            for (node, way) in wish {
+                for c in 0..3 {
+                    now[3 * node as usize + c] += way[c];
+                }
+            }
+        }
+        None
+    }
+
+    /// Least distance \[m\] of any pair within reach; the activation distance where there is none.
+    pub fn least_distance(&self, x: &[f64]) -> f64 {
+        let (_, stencils) = self.stencils(x);
+        stencils.iter().map(|s| s.distance()).fold(self.largest_reach, f64::min)
+    }
+}
+
+/// Whether a segment passes through a triangle, by the signs of the volumes of the tetrahedra that they span.
+fn crosses(a: &Vector3<f64>, b: &Vector3<f64>, [p, q, r]: &[Vector3<f64>; 3]) -> bool {
+    let volume = |a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>, d: &Vector3<f64>| {
+        (b - a).cross(&(c - a)).dot(&(d - a))
+    };
+    if volume(p, q, r, a) * volume(p, q, r, b) >= 0.0 {
+        return false;
+    }
+    let sides = [volume(a, b, p, q), volume(a, b, q, r), volume(a, b, r, p)];
+    sides.iter().all(|v| *v > 0.0) || sides.iter().all(|v| *v < 0.0)
+}
+
+/// Rounds of parting the surfaces.
+const MAX_ROUNDS: usize = 60;
+
+/// Normals of triangles, edges and corners of one surface, by which a point is inside or outside: Bærentzen & Aanæs, Signed
+/// distance computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005).
+struct Normals {
+    triangles: BTreeMap<u32, Vector3<f64>>,
+    /// Sum over the triangles and their number; one triangle: the rim of an open surface.
+    edges: BTreeMap<u32, (Vector3<f64>, usize)>,
+    corners: BTreeMap<u32, Vector3<f64>>,
+    rim: std::collections::BTreeSet<u32>,
+}
+
+impl Normals {
+    fn new(all: &Surfaces, triangles: std::ops::Range<usize>, p: &[Vector3<f64>]) -> Normals {
+        let (mut faces, mut edges, mut corners) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        for t in triangles {
+            let at = all.triangles[t].map(|c| p[c as usize]);
+            let normal = (at[1] - at[0]).cross(&(at[2] - at[0])).normalize();
+            faces.insert(t as u32, normal);
+            for e in all.triangle_edges[t] {
+                let edge = edges.entry(e).or_insert((Vector3::zeros(), 0));
+                *edge = (edge.0 + normal, edge.1 + 1);
+            }
+            for c in 0..3 {
+                let (u, v) = (at[(c + 1) % 3] - at[c], at[(c + 2) % 3] - at[c]);
+                *corners.entry(all.triangles[t][c]).or_insert(Vector3::zeros()) += normal * u.angle(&v);
+            }
+        }
+        let open = edges.iter().filter(|(_, (_, n))| *n == 1);
+        let rim = open.flat_map(|(e, _)| all.edges[*e as usize].points).collect();
+        Normals { triangles: faces, edges, corners, rim }
+    }
+
+    /// Unit normal of a feature of a triangle; `None` on the rim of an open surface, where no side is inside.
+    fn of(&self, all: &Surfaces, triangle: u32, which: Feature) -> Option<Vector3<f64>> {
+        let normal = match which {
+            Feature::Face => self.triangles[&triangle],
+            Feature::Edge(e) => {
+                let (sum, n) = self.edges[&all.triangle_edges[triangle as usize][e as usize]];
+                if n == 1 {
+                    return None;
+                }
+                sum
+            }
+            Feature::Vertex(v) => {
+                let corner = all.triangles[triangle as usize][v as usize];
+                if self.rim.contains(&corner) {
+                    return None;
+                }
+                self.corners[&corner]
+            }
+        };
+        Some(normal.normalize())
+    }
+}

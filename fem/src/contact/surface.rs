@@ -1,0 +1,289 @@
+//! Collision surfaces: triangles over *collision points*, each a fixed mean of nodes.
+//!
+//! A quadrilateral becomes four triangles about the mean of its nodes, a triangle stays as it is. The barrier is
+//! integrated over each surface with the trapezoidal rule on triangles divided finely enough for the surfaces that it
+//! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
+
+use super::closest::EDGES;
+use super::tree::{Aabb, Tree};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+
+/// One surface as it enters contact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceInput {
+    /// Name, as reported.
+    pub name: String,
+    /// Quadrilaterals, or triangles that repeat their last node; counter-clockwise from outside.
+    pub faces: Vec<[u32; 4]>,
+    /// Stiffness \[Pa\] of what lies behind it; infinite where rigid.
+    pub stiffness: f64,
+    /// Distance \[m\] between samples that is fine enough.
+    pub spacing: f64,
+}
+
+/// A mean of at most four nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Blend {
+    /// Nodes; those past `n` are void.
+    pub nodes: [u32; 4],
+    /// Weights.
+    pub weights: [f64; 4],
+    /// How many.
+    pub n: usize,
+}
+
+impl Blend {
+    fn node(node: u32) -> Blend {
+        Blend { nodes: [node, 0, 0, 0], weights: [1.0, 0.0, 0.0, 0.0], n: 1 }
+    }
+
+    fn mix(parts: &[(Blend, f64)]) -> Blend {
+        let mut sum = BTreeMap::<u32, f64>::new();
+        for (blend, share) in parts {
+            for (node, weight) in blend.parts() {
+                *sum.entry(node).or_default() += share * weight;
+            }
+        }
+        let mut out = Blend { n: sum.len(), ..Blend::default() };
+        for (i, (node, weight)) in sum.into_iter().enumerate() {
+            (out.nodes[i], out.weights[i]) = (node, weight);
+        }
+        out
+    }
+
+    /// (node, weight).
+    pub fn parts(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+        (0..self.n).map(|i| (self.nodes[i], self.weights[i]))
+    }
+
+    /// Where it is.
+    pub fn at(&self, x: &[f64]) -> Vector3<f64> {
+        let mut p = Vector3::zeros();
+        for (node, weight) in self.parts() {
+            let i = 3 * node as usize;
+            p += Vector3::new(x[i], x[i + 1], x[i + 2]) * weight;
+        }
+        p
+    }
+}
+
+/// An edge of a collision surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// Its ends.
+    pub points: [u32; 2],
+    /// Squared length in the reference configuration \[m²\].
+    pub squared_length: f64,
+    /// A third of the area of those \[m²\].
+    pub area: f64,
+}
+
+/// One collision surface; indices run over the points, triangles and edges of all surfaces.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// Name, as reported.
+    pub name: String,
+    /// Stiffness \[Pa\] of what lies behind it.
+    pub stiffness: f64,
+    /// Its triangles.
+    pub triangles: std::ops::Range<usize>,
+    /// Its edges.
+    pub edges: std::ops::Range<usize>,
+    /// Its collision points, every one a sample.
+    pub samples: std::ops::Range<usize>,
+    /// Tree over the triangles, counted from the first.
+    pub triangle_tree: Tree,
+    /// Tree over the edges, counted from the first.
+    pub edge_tree: Tree,
+}
+
+/// All collision surfaces of an island.
+#[derive(Clone, Debug, Default)]
+pub struct Surfaces {
+    /// Surfaces.
+    pub list: Vec<Surface>,
+    /// Collision points.
+    pub points: Vec<Blend>,
+    /// Area of each collision point as a sample \[m²\].
+    pub areas: Vec<f64>,
+    /// Surface of each collision point.
+    pub surface_of: Vec<u32>,
+    /// Corners of the triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// Edges of the triangles, in the order of [`EDGES`].
+    pub triangle_edges: Vec<[u32; 3]>,
+    /// Edges.
+    pub edges: Vec<Edge>,
+    /// Mean length of the edges in the reference configuration \[m\].
+    pub edge_length: f64,
+}
+
+/// Divisions of a triangle at most.
+const MAX_DIVISIONS: usize = 12;
+
+impl Surfaces {
+    /// Builds the collision surfaces over nodes at `X` \[m\].
+    #[allow(non_snake_case)]
+    pub fn new(inputs: &[SurfaceInput], X: &[f64]) -> Surfaces {
+        let mut all = Surfaces::default();
+        for (index, input) in inputs.iter().enumerate() {
+            all.add(index as u32, input, X);
+        }
+        let length = |e: &Edge| {
+            let [a, b] = e.points.map(|p| all.points[p as usize].at(X));
+            (b - a).norm()
+        };
+        all.edge_length = all.edges.iter().map(length).sum::<f64>() / all.edges.len().max(1) as f64;
+        all
+    }
+
+    #[allow(non_snake_case)]
+    fn add(&mut self, index: u32, input: &SurfaceInput, X: &[f64]) {
+        let (first_point, first_triangle) = (self.points.len(), self.triangles.len());
+        let mut corner_of = BTreeMap::<u32, u32>::new();
+        for face in &input.faces {
+            let [a, b, c, d] = face.map(|node| {
+                *corner_of.entry(node).or_insert_with(|| {
+                    self.points.push(Blend::node(node));
+                    self.points.len() as u32 - 1
+                })
+            });
+            if c == d {
+                self.triangles.push([a, b, c]);
+            } else {
+                let centre = self.points.len() as u32;
+                let parts = face.map(|node| (Blend::node(node), 0.25));
+                self.points.push(Blend::mix(&parts));
+                self.triangles.extend([[a, b, centre], [b, c, centre], [c, d, centre], [d, a, centre]]);
+            }
+        }
+        self.areas.resize(self.points.len(), 0.0);
+        let first_edge = self.edges.len();
+        self.find_edges(first_triangle, X);
+        self.divide(first_triangle, input.spacing, X);
+        self.surface_of.resize(self.points.len(), index);
+
+        let at = |p: u32| self.points[p as usize].at(X);
+        let box_of = |points: &[u32]| {
+            points.iter().fold(Aabb::empty(), |sum, &p| sum.join(&Aabb::of_way(&at(p), &at(p), 0.0)))
+        };
+        let triangles: Vec<Aabb> = self.triangles[first_triangle..].iter().map(|t| box_of(t)).collect();
+        let edges: Vec<Aabb> = self.edges[first_edge..].iter().map(|e| box_of(&e.points)).collect();
+        let (triangle_tree, edge_tree) = (Tree::new(&triangles), Tree::new(&edges));
+        self.list.push(Surface {
+            name: input.name.clone(),
+            stiffness: input.stiffness,
+            triangles: first_triangle..self.triangles.len(),
+            edges: first_edge..self.edges.len(),
+            samples: first_point..self.points.len(),
+            triangle_tree,
+            edge_tree,
+        });
+    }
+
+    #[allow(non_snake_case)]
+    fn find_edges(&mut self, first_triangle: usize, X: &[f64]) {
+        let mut known = BTreeMap::<[u32; 2], u32>::new();
+        for t in first_triangle..self.triangles.len() {
+            let triangle = self.triangles[t];
+            let area = self.area(t, X);
+            let edges = EDGES.map(|[i, j]| {
+                let (a, b) = (triangle[i].min(triangle[j]), triangle[i].max(triangle[j]));
+                *known.entry([a, b]).or_insert_with(|| {
+                    let [p, q] = [a, b].map(|p| self.points[p as usize].at(X));
+                    let squared_length = (q - p).norm_squared();
+                    self.edges.push(Edge { points: [a, b], squared_length, area: 0.0 });
+                    self.edges.len() as u32 - 1
+                })
+            });
+            for e in edges {
+                self.edges[e as usize].area += area / 3.0;
+            }
+            self.triangle_edges.push(edges);
+        }
+    }
+
+    /// Divides triangles into n² equal ones and shares the area of each part among its corners.
+    #[allow(non_snake_case)]
+    fn divide(&mut self, first_triangle: usize, spacing: f64, X: &[f64]) {
+        let mut on_edge = BTreeMap::<(u32, usize, usize), u32>::new();
+        for t in first_triangle..self.triangles.len() {
+            let corners = self.triangles[t];
+            let at = corners.map(|p| self.points[p as usize].at(X));
+            let longest = EDGES.iter().map(|[i, j]| (at[*j] - at[*i]).norm()).fold(0.0, f64::max);
+            // A quarter over the wanted distance is fine enough.
+            let n = ((longest / spacing - 0.25).ceil() as usize).clamp(1, MAX_DIVISIONS);
+            let share = self.area(t, X) / (3 * n * n) as f64;
+            for i in 0..=n {
+                for j in 0..=n - i {
+                    let k = n - i - j;
+                    // Parts that meet here: six inside, three on an edge, one in a corner.
+                    let parts = match [i, j, k].iter().filter(|&&m| m == 0).count() {
+                        0 => 6.0,
+                        1 => 3.0,
+                        _ => 1.0,
+                    };
+                    let p = self.sample(t, [i, j, k], n, &mut on_edge);
+                    if self.areas.len() <= p as usize {
+                        self.areas.resize(p as usize + 1, 0.0);
+                    }
+                    self.areas[p as usize] += parts * share;
+                }
+            }
+        }
+    }
+
+    /// The sample with barycentric coordinates `at` / `n` of triangle `t`; those on corners and edges are shared.
+    fn sample(
+        &mut self,
+        t: usize,
+        at: [usize; 3],
+        n: usize,
+        on_edge: &mut BTreeMap<(u32, usize, usize), u32>,
+    ) -> u32 {
+        let corners = self.triangles[t];
+        if let Some(corner) = (0..3).find(|&c| at[c] == n) {
+            return corners[corner];
+        }
+        let parts: [(Blend, f64); 3] =
+            std::array::from_fn(|c| (self.points[corners[c] as usize], at[c] as f64 / n as f64));
+        let parts: Vec<_> = parts.into_iter().filter(|(_, share)| *share > 0.0).collect();
+        let mut push = || {
+            self.points.push(Blend::mix(&parts));
+            self.points.len() as u32 - 1
+        };
+        match (0..3).find(|&e| at[3 - EDGES[e][0] - EDGES[e][1]] == 0) {
+            Some(e) => {
+                let [i, j] = EDGES[e];
+                // Counted from the lesser end, so that both triangles name it alike.
+                let along = if corners[i] < corners[j] { at[j] } else { at[i] };
+                let key = (self.triangle_edges[t][e], along, n);
+                *on_edge.entry(key).or_insert_with(push)
+            }
+            None => push(),
+        }
+    }
+
+    #[allow(non_snake_case)]
+    fn area(&self, t: usize, X: &[f64]) -> f64 {
+        let [a, b, c] = self.triangles[t].map(|p| self.points[p as usize].at(X));
+        (b - a).cross(&(c - a)).norm() / 2.0
+    }
+
+    /// Positions of all collision points.
+    pub fn positions(&self, x: &[f64]) -> Vec<Vector3<f64>> {
+        self.points.iter().map(|p| p.at(x)).collect()
+    }
+
+    /// Surface of a collision point.
+    pub fn surface(&self, point: u32) -> usize {
+        self.surface_of[point as usize] as usize
+    }
+
+    /// Whether two collision points share a node.
+    pub fn related(&self, p: u32, q: u32) -> bool {
+        let (p, q) = (&self.points[p as usize], &self.points[q as usize]);
+        p.nodes[..p.n].iter().any(|n| q.nodes[..q.n].contains(n))
+    }
+}

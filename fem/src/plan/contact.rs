@@ -1,0 +1,318 @@
+//! Contact of a scene: surfaces and pairs with every name resolved, and the part of each island in it.
+
+use super::error::nearest;
+use super::term::check;
+use super::{Motion, SceneError};
+use crate::contact::surface::SurfaceInput;
+use crate::contact::{Contact, ContactInput, Mode, Overlap};
+use crate::mesh::{Mesh, unique_nodes};
+use crate::scene::{ContactMode, ContactSpec, LawSpec, Scene};
+
+/// Surfaces beyond this number are refused: each has a bit in a word.
+const MAX_SURFACES: usize = 64;
+
+/// Contact of the whole mesh.
+pub struct ContactPlan {
+    /// Surfaces over mesh nodes.
+    pub surfaces: Vec<ContactSurface>,
+    /// Pairs that may meet, by index; at least one side of each can deform.
+    pub pairs: Vec<[usize; 2]>,
+    mode: Mode,
+    distance: f64,
+    spacing: Option<f64>,
+    attachment: f64,
+    repair: f64,
+}
+
+/// What was changed in the mesh so that no surfaces overlap or touch at the start.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Repair {
+    /// Pairs that did.
+    pub overlaps: Vec<Overlap>,
+    /// Number of nodes moved.
+    pub n_nodes: usize,
+    /// The farthest that a node moved \[m\].
+    pub farthest: f64,
+}
+
+/// A surface that takes part.
+pub struct ContactSurface {
+    /// Name as in the scene.
+    pub name: String,
+    /// Faces over mesh nodes.
+    pub faces: Vec<[u32; 4]>,
+    /// Its nodes, ascending.
+    pub nodes: Vec<u32>,
+    /// Whether some of its nodes are not prescribed.
+    pub deforms: bool,
+    /// What all its nodes move with, where that is one body or nothing at all ([`Motion::Held`]).
+    body: Option<Motion>,
+    stiffness: f64,
+    edge: f64,
+}
+
+/// Resolves the contact of a scene.
+pub fn contact(
+    scene: &Scene,
+    mesh: &Mesh,
+    motion: &[[Motion; 3]],
+) -> Result<Option<ContactPlan>, SceneError> {
+    let Some(spec) = &scene.contact else { return Ok(None) };
+    let user = "contact";
+    check(user, "distance [m]", spec.distance, spec.distance > 0.0, "positive")?;
+    check(user, "repair [m]", spec.repair, spec.repair >= 0.0, "at least 0")?;
+    check(user, "attachment [m]", spec.attachment, spec.attachment >= 0.0, "at least 0")?;
+    spec.stiffness.map_or(Ok(()), |k| check(user, "stiffness [Pa]", k, k > 0.0, "positive"))?;
+    spec.spacing.map_or(Ok(()), |h| check(user, "spacing [m]", h, h > 0.0, "positive"))?;
+    let n = spec.surfaces.len();
+    check(user, "number of surfaces", n as f64, (1..=MAX_SURFACES).contains(&n), "1 to 64; join some")?;
+    for (i, name) in spec.surfaces.iter().enumerate() {
+        if spec.surfaces[..i].contains(name) {
+            return Err(SceneError::Twice { what: "contact surface", name: name.clone() });
+        }
+    }
+    let surfaces: Vec<ContactSurface> = spec
+        .surfaces
+        .iter()
+        .map(|name| surface(name, spec, scene, mesh, motion))
+        .collect::<Result<_, _>>()?;
+    let find = |name: &String| {
+        spec.surfaces.iter().position(|s| s == name).ok_or_else(|| SceneError::Unknown {
+            user: "contact pair".to_string(),
+            what: "contact surface",
+            name: name.clone(),
+            nearest: nearest(name, spec.surfaces.iter().map(String::as_str)),
+        })
+    };
+    let resolve = |list: &[[String; 2]]| -> Result<Vec<[usize; 2]>, SceneError> {
+        list.iter()
+            .map(|[a, b]| {
+                let (a, b) = (find(a)?, find(b)?);
+                Ok([a.min(b), a.max(b)])
+            })
+            .collect()
+    };
+    let (wanted, excluded) = (resolve(&spec.pairs)?, resolve(&spec.excluded)?);
+    let all = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
+    let mut pairs: Vec<[usize; 2]> = if spec.pairs.is_empty() { all.collect() } else { wanted };
+    pairs.retain(|pair| {
+        let deforms = pair.iter().any(|&s| surfaces[s].deforms);
+        deforms && !excluded.contains(pair)
+    });
+    pairs.sort_unstable();
+    pairs.dedup();
+    let ContactSpec { mode, distance, spacing, attachment, repair, .. } = *spec;
+    let mode = if mode == ContactMode::Cheap { Mode::Cheap } else { Mode::Guarded };
+    Ok(Some(ContactPlan { surfaces, pairs, mode, distance, spacing, attachment, repair }))
+}
+
+fn surface(
+    name: &str,
+    spec: &ContactSpec,
+    scene: &Scene,
+    mesh: &Mesh,
+    motion: &[[Motion; 3]],
+) -> Result<ContactSurface, SceneError> {
+    let faces = match (mesh.surfaces.get(name), mesh.blocks.iter().find(|b| b.name == name)) {
+        (Some(faces), _) => faces.clone(),
+        (None, Some(block)) => block.boundary()?,
+        (None, None) => {
+            let known = mesh.surfaces.keys().chain(mesh.blocks.iter().map(|b| &b.name));
+            return Err(SceneError::Unknown {
+                user: "contact".to_string(),
+                what: "surface or block",
+                name: name.to_string(),
+                nearest: nearest(name, known.map(String::as_str)),
+            });
+        }
+    };
+    let nodes = unique_nodes(faces.iter().flatten().copied());
+    let user = format!("contact surface `{name}`");
+    check(&user, "number of faces", faces.len() as f64, !faces.is_empty(), "positive")?;
+    let moves =
+        |n: &&u32| motion[**n as usize].iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_)));
+    let deforms = nodes.iter().any(|n| moves(&n));
+    let first = motion[nodes[0] as usize];
+    let together = nodes.iter().all(|&n| motion[n as usize] == first);
+    let body = Some(first[0]).filter(|m| together && first == [*m; 3] && !deforms);
+    let mut stiffness = f64::INFINITY;
+    if deforms {
+        let mut solid_of = vec![None; mesh.points.len()];
+        for solid in &scene.solids {
+            if let Some(block) = mesh.blocks.iter().find(|b| b.name == solid.region) {
+                block.nodes.iter().for_each(|&n| solid_of[n as usize] = Some(&solid.law));
+            }
+        }
+        if let Some(&node) = nodes.iter().filter(moves).find(|&&n| solid_of[n as usize].is_none()) {
+            return Err(SceneError::Loose { user, node });
+        }
+        let young =
+            nodes.iter().filter_map(|&n| solid_of[n as usize].map(young)).fold(f64::INFINITY, f64::min);
+        stiffness = spec.stiffness.unwrap_or(young);
+    }
+    let length = |a: u32, b: u32| {
+        let (p, q) = (mesh.points[a as usize], mesh.points[b as usize]);
+        (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt()
+    };
+    let lengths: Vec<f64> = faces
+        .iter()
+        .flat_map(|f| (0..4).map(|k| [f[k], f[(k + 1) % 4]]).filter(|[a, b]| a != b))
+        .map(|[a, b]| length(a, b))
+        .collect();
+    let edge = lengths.iter().sum::<f64>() / lengths.len() as f64;
+    Ok(ContactSurface { name: name.to_string(), faces, nodes, deforms, body, stiffness, edge })
+}
+
+/// Young's modulus \[Pa\] at small strain, along no fibre.
+fn young(law: &LawSpec) -> f64 {
+    let of = |mu: f64, bulk: f64| 9.0 * bulk * mu / (3.0 * bulk + mu);
+    match law {
+        LawSpec::NeoHookean { young, .. }
+        | LawSpec::StableNeoHookean { young, .. }
+        | LawSpec::StVenantKirchhoff { young, .. }
+        | LawSpec::LinearElastic { young, .. } => *young,
+        LawSpec::NeoHookeanUncoupled { mu, bulk } => of(*mu, *bulk),
+        LawSpec::MooneyRivlin { c10, c01, bulk } => of(2.0 * (c10 + c01), *bulk),
+        LawSpec::MooneyRivlinDyna { a, b, nu } => 4.0 * (a + b) * (1.0 + nu),
+        LawSpec::Blemker { g1, g2, bulk, .. } => of(g1 + g2, *bulk),
+    }
+}
+
+/// Gap at the start, as a share of the activation distance, below which surfaces touch.
+const TOUCH: f64 = 0.1;
+/// Numbers of what nodes move with that no body has.
+const HELD: u32 = u32::MAX - 2;
+const CONTROLLED: u32 = u32::MAX - 1;
+/// Sweeps that carry the displacement of the surfaces into the solids.
+const SWEEPS: usize = 40;
+
+impl ContactPlan {
+    /// Refuses overlaps in the mesh deeper than may be mended; moves its nodes apart where others overlap or touch.
+    pub fn mend(&self, mesh: &mut Mesh, motion: &[[Motion; 3]]) -> Result<Repair, SceneError> {
+        if self.mode == Mode::Cheap {
+            return Ok(Repair::default()); // an overlap is a penetration like any other
+        }
+        let members: Vec<usize> = (0..self.surfaces.len()).collect();
+        let Some(contact) = self.part(&members, |n| n, &mesh.points, motion) else {
+            return Ok(Repair::default());
+        };
+        let x = mesh.points.as_flattened().to_vec();
+        let gap = TOUCH * self.distance;
+        let overlaps = contact.overlaps(&x, gap);
+        if overlaps.is_empty() {
+            return Ok(Repair::default());
+        }
+        let allowed = self.repair.max(1e-6 * self.distance);
+        if overlaps.iter().any(|o| o.depth > allowed) {
+            return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+        }
+        // Nodes that are prescribed stay where they are; on a roller they may slide.
+        let moves = |n: u32| motion[n as usize].iter().any(|m| matches!(m, Motion::Free));
+        let Some(u) = contact.part(&x, gap, &moves) else {
+            return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+        };
+        let mut u: Vec<[f64; 3]> = u.as_chunks::<3>().0.to_vec();
+        let farthest = u.iter().map(|u| u.iter().map(|c| c * c).sum::<f64>()).fold(0.0, f64::max).sqrt();
+        let n_nodes = u.iter().filter(|u| **u != [0.0; 3]).count();
+        self.carry_inside(mesh, motion, &mut u);
+        for (p, u) in mesh.points.iter_mut().zip(&u) {
+            (0..3).for_each(|c| p[c] += u[c]);
+        }
+        mesh.check()?;
+        Ok(Repair { overlaps, n_nodes, farthest })
+    }
+
+    /// Inner nodes follow the mean of their neighbours (Jacobi's method for Laplace's equation).
+    fn carry_inside(&self, mesh: &Mesh, motion: &[[Motion; 3]], u: &mut Vec<[f64; 3]>) {
+        let mut stays: Vec<bool> = motion.iter().map(|m| !m.iter().all(|m| *m == Motion::Free)).collect();
+        self.surfaces.iter().flat_map(|s| &s.nodes).for_each(|&n| stays[n as usize] = true);
+        let mut neighbours = vec![Vec::new(); mesh.points.len()];
+        for cell in mesh.blocks.iter().filter(|b| b.kind.is_solid()).flat_map(|b| b.cells()) {
+            for &n in cell.iter().filter(|n| !stays[**n as usize]) {
+                neighbours[n as usize].extend(cell.iter().copied().filter(|m| *m != n));
+            }
+        }
+        for _ in 0..SWEEPS {
+            let old = u.clone();
+            for (n, near) in neighbours.iter().enumerate().filter(|(_, near)| !near.is_empty()) {
+                u[n] = std::array::from_fn(|c| {
+                    near.iter().map(|&m| old[m as usize][c]).sum::<f64>() / near.len() as f64
+                });
+            }
+        }
+    }
+
+    /// The contact of the surfaces `members` (ascending) that belong to one island, over its local nodes; `None` where no pair
+    /// of them may meet.
+    pub fn part(
+        &self,
+        members: &[usize],
+        local: impl Fn(u32) -> u32,
+        points: &[[f64; 3]],
+        motion: &[[Motion; 3]],
+    ) -> Option<Contact> {
+        let at = |s: usize| members.binary_search(&s).ok();
+        let pairs: Vec<[usize; 2]> = self.pairs.iter().filter_map(|&[a, b]| Some([at(a)?, at(b)?])).collect();
+        if pairs.is_empty() {
+            return None;
+        }
+        let surfaces = members.iter().enumerate().map(|(m, &s)| {
+            let surface = &self.surfaces[s];
+            let partners = pairs.iter().filter(|p| p.contains(&m)).flatten();
+            let finest = partners.map(|&p| self.surfaces[members[p]].edge).fold(surface.edge, f64::min);
+            SurfaceInput {
+                name: surface.name.clone(),
+                faces: surface.faces.iter().map(|f| f.map(&local)).collect(),
+                stiffness: surface.stiffness,
+                spacing: self.spacing.unwrap_or(finest),
+            }
+        });
+        let carrier = |m: &[Motion; 3]| match m {
+            [Motion::Body(b), ..] => Some(*b as u32),
+            [Motion::Held, Motion::Held, Motion::Held] => Some(HELD),
+            m if m.iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_))) => None,
+            _ => Some(CONTROLLED),
+        };
+        let input = ContactInput {
+            surfaces: surfaces.collect(),
+            distance: self.distance,
+            mode: self.mode,
+            carrier: motion.iter().map(carrier).collect(),
+            muted: self.muted(members, &pairs, &local, points, motion),
+            pairs,
+        };
+        Some(Contact::new(&input, points.as_flattened()))
+    }
+
+    /// Nodes at or near nodes tied to a body, with the rigid surfaces of that body.
+    fn muted(
+        &self,
+        members: &[usize],
+        pairs: &[[usize; 2]],
+        local: impl Fn(u32) -> u32,
+        points: &[[f64; 3]],
+        motion: &[[Motion; 3]],
+    ) -> Vec<(u32, usize)> {
+        let mut muted = Vec::new();
+        for &[a, b] in pairs {
+            for (soft, rigid) in [(a, b), (b, a)] {
+                let Some(body) = self.surfaces[members[rigid]].body else { continue };
+                let nodes: Vec<u32> = self.surfaces[members[soft]].nodes.iter().map(|&n| local(n)).collect();
+                let tied: Vec<[f64; 3]> = nodes
+                    .iter()
+                    .filter(|&&n| motion[n as usize] == [body; 3])
+                    .map(|&n| points[n as usize])
+                    .collect();
+                let near = |p: [f64; 3], q: &[f64; 3]| {
+                    (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt() <= self.attachment
+                };
+                muted.extend(
+                    nodes.iter().filter_map(|&n| {
+                        tied.iter().any(|q| near(points[n as usize], q)).then_some((n, rigid))
+                    }),
+                );
+            }
+        }
+        muted
+    }
+}

@@ -1,0 +1,203 @@
+//! Distances, barrier and continuous collision detection against brute force and Taylor expansions.
+
+use fem::contact::barrier::barrier;
+use fem::contact::ccd::{edge_edge_share, point_triangle_share};
+use fem::contact::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
+use fem::contact::stencil::{Law, Stencil};
+use nalgebra::Vector3;
+use support::{Random, taylor_order};
+
+type V = Vector3<f64>;
+
+/// Least distance over a raster of both simplices.
+fn raster(x: &Points, edges: bool) -> f64 {
+    let n = 60;
+    let mut least = f64::INFINITY;
+    for i in 0..=n {
+        for j in 0..=n {
+            let (s, t) = (i as f64 / n as f64, j as f64 / n as f64);
+            let w = if edges {
+                x[0] + (x[1] - x[0]) * s - x[2] - (x[3] - x[2]) * t
+            } else if s + t <= 1.0 {
+                x[0] - x[1] - (x[2] - x[1]) * s - (x[3] - x[1]) * t
+            } else {
+                continue;
+            };
+            least = least.min(w.norm());
+        }
+    }
+    least
+}
+
+#[test]
+fn distances_agree_with_a_raster() {
+    let mut random = Random::new(11);
+    for edges in [false, true] {
+        for _ in 0..400 {
+            let x: Points = std::array::from_fn(|_| random.vector(1.0));
+            let closest = if edges { edge_edge(&x) } else { point_triangle(&x) };
+            let (d, brute) = (closest.squared().sqrt(), raster(&x, edges));
+            assert!(d <= brute + 1e-12 && brute <= d + 0.06, "{d} against {brute}");
+            let sum: f64 = closest.c.iter().sum();
+            assert!(sum.abs() < 1e-12, "weights of a distance sum to zero, not {sum}");
+        }
+    }
+}
+
+/// Vertex on vertex, parallel edges, vertex over edge, coplanar faces, needles: finite distances and forces.
+#[test]
+fn degenerate_pairs_have_finite_distances_and_forces() {
+    let v = V::new;
+    let h = 1e-4;
+    let cases: Vec<(&str, Points, bool, f64)> = vec![
+        ("vertex over vertex", [v(0., 0., h), v(0., 0., 0.), v(-1., 0., -1.), v(0., -1., -1.)], false, h),
+        ("vertex over edge", [v(0.5, 0., h), v(0., 0., 0.), v(1., 0., 0.), v(0.5, -1., -1.)], false, h),
+        (
+            "vertex in the plane of a face",
+            [v(1. + h, 0., 0.), v(0., 0., 0.), v(1., 0., 0.), v(0., 1., 0.)],
+            false,
+            h,
+        ),
+        ("needle triangle", [v(0.5, 0., h), v(0., 0., 0.), v(1., 0., 0.), v(0.5, 1e-12, 0.)], false, h),
+        ("parallel edges", [v(0., 0., 0.), v(1., 0., 0.), v(0.2, 0., h), v(0.7, 0., h)], true, h),
+        (
+            "parallel edges end to end",
+            [v(0., 0., 0.), v(1., 0., 0.), v(1. + h, 0., 0.), v(2., 0., 0.)],
+            true,
+            h,
+        ),
+        ("nearly parallel", [v(0., 0., 0.), v(1., 0., 0.), v(0., 1e-9, h), v(1., -1e-9, h)], true, h),
+        ("edge across edge", [v(-1., 0., 0.), v(1., 0., 0.), v(0., -1., h), v(0., 1., h)], true, h),
+        ("corner on edge", [v(0., 0., 0.), v(1., 0., 0.), v(1., 0., h), v(1., 1., h)], true, h),
+    ];
+    for (name, x, edges, expected) in cases {
+        let closest = if edges { edge_edge(&x) } else { point_triangle(&x) };
+        let d = closest.squared().sqrt();
+        assert!((d - expected).abs() < 1e-9, "{name}: distance {d}");
+        let term = stencil(closest, &x, 2e-4, edges);
+        let g = term.gradient(&x);
+        let total = g.iter().sum::<V>().norm();
+        let size = g.iter().map(V::norm).fold(0.0, f64::max);
+        assert!(
+            term.energy(&x).is_finite() && size.is_finite() && total <= 1e-9 * size.max(1e-12),
+            "{name}: {g:?}"
+        );
+        let finite = term.hessian(&x).as_flattened().iter().all(|v| v.is_finite());
+        assert!(finite, "{name}: Hessian");
+    }
+}
+
+fn stencil(closest: Closest, x: &Points, reach: f64, edges: bool) -> Stencil {
+    let edges = if edges { (x[1] - x[0]).norm_squared() * (x[3] - x[2]).norm_squared() } else { 0.0 };
+    Stencil { points: [0, 1, 2, 3], closest, scale: 3.0, law: Law::Barrier(reach), edges }
+}
+
+#[test]
+fn the_barrier_is_twice_differentiable_and_infinite_at_contact() {
+    for s in [0.01, 0.2, 0.5, 0.9, 0.999] {
+        let [_, b1, b2] = barrier(s);
+        let h = 1e-2 * s.min(1.0 - s);
+        assert!(taylor_order(|h| barrier(s + h)[0], b1, h) > 1.9, "slope at {s}");
+        assert!(taylor_order(|h| barrier(s + h)[1], b2, h) > 1.9, "curvature at {s}");
+        assert!(b1 < 0.0 && b2 > 0.0);
+    }
+    assert_eq!(barrier(1.0), [0.0; 3]);
+    assert!(barrier(1.0 - 1e-6)[2].abs() < 1e-4, "the curvature fades at the activation distance");
+    assert!(barrier(0.0)[0].is_infinite() && barrier(-1.0)[0].is_infinite() && barrier(1e-12)[0] > 27.0);
+}
+
+/// Gradient and Hessian of every kind of pair, mollified edges among them.
+#[test]
+fn gradient_and_hessian_of_every_kind_of_pair_are_derivatives() {
+    let mut random = Random::new(5);
+    type Find = fn(&Points) -> Closest;
+    let kinds: [(&str, Find, bool); 4] = [
+        ("point and point", point_point, false),
+        ("point and edge", point_edge, false),
+        ("point and triangle", point_triangle, false),
+        ("two edges", edge_edge, true),
+    ];
+    let mut seen = std::collections::BTreeMap::<String, (usize, f64, f64)>::new();
+    for (name, find, edges) in kinds {
+        for sample in 0..400 {
+            let mut x: Points = std::array::from_fn(|_| random.vector(1.0));
+            if edges && sample % 2 == 1 {
+                // Nearly parallel, so that the mollifier is at work.
+                x[2] = x[0] + random.vector(0.3);
+                x[3] = x[2] + (x[1] - x[0]) + random.vector(0.01);
+            }
+            let closest = find(&x);
+            let rest = x;
+            let reach = 1.5 * closest.squared().sqrt();
+            let at = |x: &Points| Stencil { closest: find(x), ..stencil(closest, &rest, reach, edges) };
+            let term = at(&x);
+            let direction: [V; 4] = std::array::from_fn(|_| random.vector(1.0));
+            let other: [V; 4] = std::array::from_fn(|_| random.vector(1.0));
+            let moved = |h: f64| -> Points { std::array::from_fn(|i| x[i] + direction[i] * h) };
+            let h = 1e-5;
+            // A pair whose closest features change within the step, or that begins to count as parallel, is smooth only
+            // once; leave it.
+            let which = |x: &Points| {
+                let sine = (x[1] - x[0]).cross(&(x[3] - x[2])).norm_squared()
+                    / stencil(closest, &rest, 1.0, true).edges;
+                (find(x).c.map(|c| c == 0.0), find(x).n_free, edges && sine < 1e-3)
+            };
+            if which(&moved(h)) != which(&x) {
+                continue;
+            }
+            let g = term.gradient(&x);
+            let slope: f64 = g.iter().zip(&direction).map(|(g, d)| g.dot(d)).sum();
+            let first = taylor_order(|h| at(&moved(h)).energy(&moved(h)), slope, h);
+            let H = term.hessian(&x);
+            let mut curve = 0.0;
+            for r in 0..12 {
+                for c in 0..12 {
+                    curve += other[r / 3][r % 3] * H[r][c] * direction[c / 3][c % 3];
+                    assert!(
+                        (H[r][c] - H[c][r]).abs() <= 1e-9 * H[r][r].abs().max(H[c][c].abs()).max(1.0),
+                        "{name}: symmetry"
+                    );
+                }
+            }
+            let along = |h: f64| {
+                let y = moved(h);
+                at(&y).gradient(&y).iter().zip(&other).map(|(g, d)| g.dot(d)).sum::<f64>()
+            };
+            let second = taylor_order(along, curve, h);
+            let row =
+                seen.entry(format!("{name}, {} free", closest.n_free)).or_insert((0, f64::MAX, f64::MAX));
+            *row = (row.0 + 1, row.1.min(first), row.2.min(second));
+        }
+    }
+    for (name, (n, first, second)) in &seen {
+        println!("{name}: {n} samples, gradient order {first:.2}, Hessian order {second:.2}");
+        assert!(*first > 1.9 && *second > 1.9, "{name}: {first}, {second}");
+    }
+    assert!(seen.len() >= 8, "kinds seen: {:?}", seen.keys());
+}
+
+#[test]
+fn no_pair_passes_through_within_the_share_it_may_go() {
+    let mut random = Random::new(3);
+    let mut limited = 0;
+    for edges in [false, true] {
+        for sample in 0..600 {
+            let from: Points = std::array::from_fn(|_| random.vector(1.0));
+            let size = [0.1, 1.0, 100.0][sample % 3];
+            let to: Points = std::array::from_fn(|i| from[i] + random.vector(size));
+            let distance = |x: &Points| if edges { edge_edge(x) } else { point_triangle(x) }.squared().sqrt();
+            let share = if edges { edge_edge_share(&from, &to) } else { point_triangle_share(&from, &to) };
+            assert!((0.0..=1.0).contains(&share));
+            let at = |t: f64| -> Points { std::array::from_fn(|i| from[i] + (to[i] - from[i]) * t) };
+            // The signed volume of the four points changes sign where the pair passes through.
+            let least = (0..=500).map(|k| distance(&at(share * k as f64 / 500.0))).fold(f64::MAX, f64::min);
+            assert!(least >= 0.09 * distance(&from), "{least} of {}", distance(&from));
+            limited += usize::from(share < 1.0);
+        }
+    }
+    assert!(limited > 100, "{limited} pairs would have come too close");
+    // Straight through the middle: stops before, at nearly the full way.
+    let through = |z: f64| -> Points { [V::new(0.3, 0.3, z), V::zeros(), V::x(), V::y()] };
+    let share = point_triangle_share(&through(1.0), &through(-1.0));
+    assert!((0.44..0.5).contains(&share), "{share}");
+}
