@@ -37,6 +37,9 @@ pub enum CommandError {
     /// The measured forces do not fit the trial.
     #[error(transparent)]
     Measured(#[from] MeasuredError),
+    /// A mesh or its input cannot be used.
+    #[error(transparent)]
+    Mesh(#[from] fem::mesh::MeshError),
     /// Results cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),

@@ -1,6 +1,7 @@
 //! The command line. Exit codes: 0 solved, 2 bad input, 3 not converged or a verdict failed; nothing else.
 
 mod check;
+mod mesh;
 mod optimize;
 
 use std::process::ExitCode;
@@ -33,6 +34,8 @@ struct Arguments {
 enum Command {
     /// From markers and ground reaction to muscle forces, activations and joint contact forces.
     Optimize(optimize::OptimizeArguments),
+    /// Hexahedral meshes of the muscles from cross-sections, kept apart from each other and from the bones.
+    Mesh(mesh::MeshArguments),
     /// Is this input file good; what is wrong, where, and how to mend it.
     Check(check::CheckArguments),
 }
@@ -54,6 +57,7 @@ pub fn main() -> ExitCode {
     }
     let result: Result<Outcome, CommandError> = match arguments.command {
         Command::Optimize(arguments) => optimize::run(&arguments),
+        Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {

@@ -64,6 +64,13 @@ impl OutputFolder {
         written
     }
 
+    /// Lets `write` make the file `name`, which it must do under another name first, so that nothing half appears.
+    pub fn place<E>(&mut self, name: &str, write: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
+        write(&self.path.join(name))?;
+        self.files.push(name.to_string());
+        Ok(())
+    }
+
     /// Makes sure that no file of this name is left from an earlier run.
     pub fn remove(&self, name: &str) -> Result<(), OutputError> {
         let path = self.path.join(name);

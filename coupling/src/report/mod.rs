@@ -5,10 +5,12 @@
 
 #![allow(non_snake_case)]
 
+pub mod anatomy;
 mod details;
 mod figures;
 pub mod groups;
 pub mod heatmap;
+pub mod mesh;
 mod optimize;
 pub mod page;
 pub mod plot;

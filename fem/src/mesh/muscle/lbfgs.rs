@@ -12,6 +12,9 @@ const DECREASE: f64 = 1e-4;
 /// Halvings of a step before the search gives up.
 const HALVINGS: usize = 30;
 
+/// A step, the change of the gradient along it, and their product.
+type Pair = (Vec<Vector3<f64>>, Vec<Vector3<f64>>, f64);
+
 /// Lowers `f` from `x` in at most `max_iterations` steps, and returns the value reached and the steps taken.
 ///
 /// `f` gives the value at a place and writes the gradient. `metric`: symmetric positive definite, one per node. `reach`: farthest that a node may go in one step. Ends early where the decrease
@@ -27,7 +30,7 @@ pub fn minimise(
     let n = x.len();
     let mut gradient = vec![Vector3::zeros(); n];
     let mut value = f(x, &mut gradient);
-    let mut history: VecDeque<(Vec<Vector3<f64>>, Vec<Vector3<f64>>, f64)> = VecDeque::new();
+    let mut history: VecDeque<Pair> = VecDeque::new();
     let mut new_x = x.to_vec();
     let mut new_gradient = gradient.clone();
     for iteration in 0..max_iterations {
@@ -83,11 +86,7 @@ pub fn minimise(
 }
 
 /// Multiplies with the current guess of the inverse Hessian.
-fn two_loop(
-    r: &mut [Vector3<f64>],
-    history: &VecDeque<(Vec<Vector3<f64>>, Vec<Vector3<f64>>, f64)>,
-    metric: &[Matrix3<f64>],
-) {
+fn two_loop(r: &mut [Vector3<f64>], history: &VecDeque<Pair>, metric: &[Matrix3<f64>]) {
     let mut factors = Vec::with_capacity(history.len());
     for (step, change, curvature) in history.iter().rev() {
         let factor = dot(step, r) / curvature;
