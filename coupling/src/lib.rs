@@ -1,9 +1,15 @@
 //! The command `sartorius`: the only crate that knows both the rigid leg and the deformable thigh.
 
+pub mod calibration;
 pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod measured;
 pub mod optimize;
 pub mod output;
+pub mod registration;
 pub mod report;
+pub mod section;
+pub mod steps;
+pub mod thigh;
 pub mod thigh_tables;

@@ -85,6 +85,83 @@ pub struct Step<'a> {
     pub errors: &'a [SolveError],
 }
 
+/// A plan on its way: where its nodes are, under which load, and the solvers with what they keep.
+pub struct Session<'a> {
+    plan: &'a Plan,
+    x: Vec<f64>,
+    from: Load,
+    solvers: Vec<Solver>,
+    step: usize,
+}
+
+/// Where a session came to under a load.
+#[derive(Debug)]
+pub struct Advanced {
+    /// Equilibrium, or the last good state where there are errors.
+    pub frame: Frame,
+    /// Why there is no equilibrium, per island; empty: there is.
+    pub errors: Vec<SolveError>,
+    /// A row per Newton iteration.
+    pub iterations: Vec<Iteration>,
+}
+
+impl<'a> Session<'a> {
+    /// Starts at the mesh as read, or at positions `start` \[m\] of all nodes, with all controls at zero and bodies in place.
+    pub fn new(plan: &'a Plan, settings: &Settings, start: Option<&[f64]>) -> Session<'a> {
+        Session {
+            plan,
+            x: start.map_or_else(|| plan.reference(), <[f64]>::to_vec),
+            from: plan.load(&[], &[]).expect("nothing is named"),
+            solvers: plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect(),
+            step: 0,
+        }
+    }
+
+    /// Goes from where it is to the equilibrium under `to.load`. Where that fails the session stays at the last good state of each
+    /// island and should not be used further.
+    pub fn advance(&mut self, to: &DriveFrame) -> Advanced {
+        let (x, from, step) = (&self.x, &self.from, self.step);
+        let jobs: Vec<_> = self.plan.islands.iter().zip(&mut self.solvers).collect();
+        let results: Vec<_> = jobs
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(island, solver)| {
+                let local: Vec<f64> = island
+                    .nodes
+                    .iter()
+                    .flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied())
+                    .collect();
+                let mut free = island.free_positions(&local);
+                let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
+                let mut rows = Vec::new();
+                let result = match free.is_empty() {
+                    true => {
+                        crate::solve::Loading::set_load(&mut potential, 1.0, &mut free);
+                        Ok(Advance::default())
+                    }
+                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
+                };
+                (potential.expand(&free), result, rows)
+            })
+            .collect();
+        let (mut islands, mut errors, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
+        for (island, (local, result, rows)) in self.plan.islands.iter().zip(results) {
+            for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
+                self.x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
+            }
+            iterations.extend(rows);
+            match result {
+                Ok(advance) => islands.push(advance),
+                Err(error) => errors.push(error),
+            }
+        }
+        self.from = to.load.clone();
+        self.step += 1;
+        let frame = Frame { time: to.time, load: to.load.clone(), x: self.x.clone(), islands };
+        Advanced { frame, errors, iterations }
+    }
+}
+
 /// Carries a plan along a drive, from the mesh as read or from positions `start` \[m\] of all nodes; stops at the
 /// first frame that is not solved. `on_frame` sees every solved frame as it comes.
 pub fn run(
@@ -111,57 +188,20 @@ pub fn run_steps(
     on_step: &mut dyn FnMut(&Step) -> ControlFlow<()>,
 ) -> Run {
     let mut out = Run::default();
-    let mut x = start.map_or_else(|| plan.reference(), <[f64]>::to_vec);
-    let mut from = plan.load(&[], &[]).expect("nothing is named");
-    let mut solvers: Vec<Solver> = plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect();
-    for (step, frame) in drive.frames.iter().enumerate() {
-        let jobs: Vec<_> = plan.islands.iter().zip(&mut solvers).collect();
-        let results: Vec<_> = jobs
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|(island, solver)| {
-                let local: Vec<f64> = island
-                    .nodes
-                    .iter()
-                    .flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied())
-                    .collect();
-                let mut free = island.free_positions(&local);
-                let mut potential = LoadedIsland::new(island.clone(), from.clone(), frame.load.clone());
-                let mut rows = Vec::new();
-                let result = match free.is_empty() {
-                    true => {
-                        crate::solve::Loading::set_load(&mut potential, 1.0, &mut free);
-                        Ok(Advance::default())
-                    }
-                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
-                };
-                (potential.expand(&free), result, rows)
-            })
-            .collect();
-        let mut islands = Vec::new();
-        let before = out.iterations.len();
-        for (island, (local, result, rows)) in plan.islands.iter().zip(results) {
-            for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
-                x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
-            }
-            out.iterations.extend(rows);
-            match result {
-                Ok(advance) => islands.push(advance),
-                Err(error) => out.errors.push(error),
-            }
-        }
-        let state = Frame { time: frame.time, load: frame.load.clone(), x: x.clone(), islands };
-        let shown = Step { frame: &state, iterations: &out.iterations[before..], errors: &out.errors };
-        let flow = on_step(&shown);
-        if !out.errors.is_empty() {
-            out.unsolved = Some(state);
+    let mut session = Session::new(plan, settings, start);
+    for to in &drive.frames {
+        let Advanced { frame, errors, iterations } = session.advance(to);
+        let flow = on_step(&Step { frame: &frame, iterations: &iterations, errors: &errors });
+        out.iterations.extend(iterations);
+        if !errors.is_empty() {
+            out.errors = errors;
+            out.unsolved = Some(frame);
             return out;
         }
-        out.frames.push(state);
+        out.frames.push(frame);
         if flow.is_break() {
             return out;
         }
-        from = frame.load.clone();
     }
     out
 }

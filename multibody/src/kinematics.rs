@@ -67,6 +67,53 @@ pub fn coupled_knee(flexion: f64) -> ((f64, f64), Vector3<f64>) {
     ((unknown[0], unknown[1]), Vector3::new(unknown[2], unknown[3], unknown[4]))
 }
 
+/// Poses of shank and patella in the thigh-distal frame (axes of the thigh, origin at its rD) at a knee flexion \[rad\], as
+/// the knee and patella equations of a leg have them; `None` where the patella finds no place.
+pub fn coupled_leg(shapes: &[Shape; 5], flexion: f64) -> Option<[Pose; 2]> {
+    let thigh = shapes[SegmentId::Thigh.index()];
+    let mut Q = Coordinates::zeros();
+    // rD of the thigh in the origin.
+    thigh.write(
+        SegmentId::Thigh,
+        &Pose { R: Matrix3::identity(), p: thigh.basis().column(1).into() },
+        &mut Q,
+    );
+    let ((adduction, rotation), p) = coupled_knee(flexion);
+    let shank = Pose { R: zxy(-flexion, adduction, rotation), p };
+    shapes[SegmentId::Shank.index()].write(SegmentId::Shank, &shank, &mut Q);
+    crate::anatomy::place_patella(shapes, &mut Q);
+    let patella = shapes[SegmentId::Patella.index()];
+    let equations =
+        crate::joint::patella(JointTable::built_in(), &thigh, &patella, &shapes[SegmentId::Shank.index()]);
+    let mut pose = patella.pose(SegmentId::Patella, &Q);
+    let residual = |pose: &Pose| {
+        let mut Q = Q;
+        patella.write(SegmentId::Patella, pose, &mut Q);
+        let mut phi = Vec::with_capacity(6);
+        equations.iter().for_each(|e| e.residual(&Q, &mut phi));
+        nalgebra::SVector::<f64, 6>::from_vec(phi)
+    };
+    let moved = |pose: &Pose, step: &nalgebra::SVector<f64, 6>| Pose {
+        R: crate::anatomy::rotation(&step.fixed_rows::<3>(0).into_owned()) * pose.R,
+        p: pose.p + step.fixed_rows::<3>(3),
+    };
+    for _ in 0..30 {
+        let phi = residual(&pose);
+        if phi.norm() < 1e-14 {
+            break;
+        }
+        let mut jacobian = nalgebra::SMatrix::<f64, 6, 6>::zeros();
+        for c in 0..6 {
+            let mut h = nalgebra::SVector::<f64, 6>::zeros();
+            h[c] = 1e-6;
+            let slope = (residual(&moved(&pose, &h)) - residual(&moved(&pose, &-h))) / 2e-6;
+            jacobian.set_column(c, &slope);
+        }
+        pose = moved(&pose, &-jacobian.lu().solve(&phi)?);
+    }
+    (residual(&pose).norm() < 1e-9).then_some([shank, pose])
+}
+
 /// Rz(z) Rx(x) Ry(y), angles in rad.
 pub fn zxy(z: f64, x: f64, y: f64) -> Matrix3<f64> {
     use crate::anatomy::rotation;

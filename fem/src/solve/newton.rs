@@ -60,7 +60,7 @@ impl Run<'_> {
             if !residual.is_finite() || !energy.is_finite() {
                 return Err(self.failure(potential, x, Reason::NotFinite, iteration, &g));
             }
-            let wanted = self.settings.tolerance * potential.force_scale(x);
+            let wanted = self.wanted(potential, x);
             if residual <= wanted || residual <= round_off(self.k, x) {
                 self.report.residual = residual;
                 self.report.force_scale = potential.force_scale(x);
@@ -181,6 +181,11 @@ impl Run<'_> {
         }
     }
 
+    /// Norm of the gradient at which an equilibrium is found \[N\].
+    fn wanted(&self, potential: &dyn Loading, x: &[f64]) -> f64 {
+        self.settings.tolerance * potential.force_scale(x).max(self.settings.least_force)
+    }
+
     /// Gradient with zeros at prescribed unknowns.
     pub(super) fn gradient(&self, potential: &dyn Loading, x: &[f64], g: &mut [f64]) {
         potential.gradient(x, g);
@@ -233,7 +238,7 @@ impl Run<'_> {
         g: &[f64],
     ) -> Box<NotConverged> {
         let (det_f, place) = potential.least_det_f(x);
-        let wanted = self.settings.tolerance * potential.force_scale(x);
+        let wanted = self.wanted(potential, x);
         Box::new(NotConverged {
             island: self.name.clone(),
             step: self.step,

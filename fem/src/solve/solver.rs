@@ -14,6 +14,8 @@ use std::time::Instant;
 pub struct Settings {
     /// Wanted ‖g‖ relative to the forces in play ([`Potential::force_scale`](super::Potential::force_scale)).
     pub tolerance: f64,
+    /// Forces in play \[N\] are taken to be at least this, so that a slack body is not solved to forces that nobody asks for.
+    pub least_force: f64,
     /// Newton iterations in one load step before it is tried shorter.
     pub max_iterations: usize,
     /// First load step; 1 is all at once.
@@ -31,6 +33,7 @@ impl Default for Settings {
     fn default() -> Settings {
         Settings {
             tolerance: 1e-6,
+            least_force: 0.0,
             max_iterations: 60,
             first_step: 1.0,
             least_step: 1e-4,

@@ -5,6 +5,8 @@
 
 mod bones;
 mod build;
+pub mod attachment;
+pub mod fibres;
 pub mod grid;
 mod lbfgs;
 mod loft;

@@ -1,0 +1,151 @@
+//! The gait steps on the deformable thigh, and its muscle forces beside those of the rigid leg.
+
+use std::time::{Duration, Instant};
+
+use fem::body::Pose;
+use fem::effect::Part;
+use fem::measure::section_force;
+use fem::plan::{Plan, SceneError};
+use fem::run::{Drive, DriveFrame, Run, run};
+use fem::solve::Settings;
+
+use crate::calibration::{CalibrationError, FibreCurve};
+use crate::registration::BODIES;
+use crate::section::belly_cut;
+use crate::steps::{RigidStep, StepName};
+use crate::thigh::build::Thigh;
+
+/// In which posture the mesh is free of stress.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StressFree {
+    /// Standing, as it was meshed: the bones move to the posture of heel strike first.
+    #[default]
+    Standing,
+    /// At heel strike, as in the publication: the mesh is taken as it is for that posture.
+    HeelStrike,
+}
+
+/// Force of one muscle through its belly \[N\], tension positive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct MuscleForce {
+    /// All parts.
+    pub total: f64,
+    /// Fibres.
+    pub fibre: f64,
+    /// Matrix.
+    pub matrix: f64,
+    /// Shell.
+    pub shell: f64,
+}
+
+/// Forces of all muscles at one step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepForces {
+    /// Which step.
+    pub step: StepName,
+    /// Per muscle, in the order of the thigh.
+    pub muscles: Vec<MuscleForce>,
+}
+
+/// One configuration carried through the steps.
+pub struct Configuration {
+    /// What was computed.
+    pub run: Run,
+    /// Forces at the steps that were solved.
+    pub steps: Vec<StepForces>,
+    /// Seconds.
+    pub time: Duration,
+}
+
+/// What is wrong with a comparison before it starts.
+#[derive(Debug, thiserror::Error)]
+pub enum CompareError {
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The calibration.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+}
+
+/// Frames of the drive: the way to heel strike passive, the activation there, then loading response.
+pub fn drive(
+    plan: &Plan,
+    thigh: &Thigh,
+    curves: &[FibreCurve],
+    steps: &[RigidStep],
+    stress_free: StressFree,
+) -> Result<Drive, CompareError> {
+    let mut frames = Vec::new();
+    let start: [Pose; 4] = match stress_free {
+        StressFree::Standing => Default::default(),
+        StressFree::HeelStrike => steps[0].poses,
+    };
+    let mut push = |time: f64, poses: &[Pose; 4], forces: &[f64]| -> Result<(), CompareError> {
+        let mut controls = Vec::new();
+        for ((muscle, curve), &force) in thigh.muscles.iter().zip(curves).zip(forces) {
+            let contraction = curve.contraction_for(force).ok_or_else(|| CalibrationError::TooWeak {
+                muscle: muscle.name.clone(),
+                wanted: force,
+                reached: curve.force.last().copied().unwrap_or(0.0),
+                contraction: curve.contraction.last().copied().unwrap_or(0.0),
+            })?;
+            controls.push((muscle.name.as_str(), contraction));
+        }
+        let moved: Vec<(&str, Pose)> = BODIES
+            .iter()
+            .zip(poses.iter().zip(&start))
+            .filter(|(name, _)| plan.bodies.iter().any(|b| b == *name))
+            .map(|(name, (to, from))| (*name, to * from.inverse()))
+            .collect();
+        frames.push(DriveFrame { time, load: plan.load(&controls, &moved)? });
+        Ok(())
+    };
+    if stress_free == StressFree::Standing {
+        push(0.5, &steps[0].poses, &vec![0.0; thigh.muscles.len()])?;
+    }
+    for (i, step) in steps.iter().enumerate() {
+        push(1.0 + i as f64, &step.poses, &wanted(thigh, step))?;
+    }
+    Ok(Drive { frames })
+}
+
+/// Force of the rigid leg per muscle of the thigh \[N\].
+pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
+    let force = |name: &str| step.muscles.iter().find(|m| m.name == name).map_or(0.0, |m| m.force().norm());
+    thigh.muscles.iter().map(|m| force(&m.name)).collect()
+}
+
+/// Carries one configuration through the steps.
+pub fn configuration(
+    plan: &Plan,
+    thigh: &Thigh,
+    drive: &Drive,
+    steps: &[RigidStep],
+    settings: &Settings,
+) -> Configuration {
+    let clock = Instant::now();
+    let run = run(plan, drive, settings, None, &mut |_| ());
+    let passive = drive.frames.len() - steps.len();
+    let forces = run.frames.iter().skip(passive).zip(steps).map(|(frame, step)| StepForces {
+        step: step.name,
+        muscles: thigh
+            .muscles
+            .iter()
+            .map(|muscle| {
+                let (cut, tangent) = belly_cut(muscle);
+                let section = section_force(plan, frame.snapshot(), &cut);
+                let part = |p| section.part_along(p, tangent.into());
+                MuscleForce {
+                    total: section.along(tangent.into()),
+                    fibre: part(Part::Fibre),
+                    matrix: part(Part::Matrix),
+                    shell: part(Part::Membrane),
+                }
+            })
+            .collect(),
+    });
+    let steps = forces.collect();
+    Configuration { run, steps, time: clock.elapsed() }
+}

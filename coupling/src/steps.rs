@@ -1,0 +1,149 @@
+//! The gait steps that drive the thigh: posture of the bones, force and activation of each of its muscles.
+
+#![allow(non_snake_case)]
+
+use fem::body::Pose;
+use multibody::muscle::path::knee_angle;
+use nalgebra::Vector3;
+
+use crate::optimize::Optimized;
+use crate::registration::Registration;
+use crate::thigh::lines::lines_of_muscles;
+
+/// Which instant of the gait cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepName {
+    /// Heel strike: start of the cycle.
+    HeelStrike,
+    /// Loading response: 12 % of the cycle (`reference_gait.md`, "the two gait steps").
+    LoadingResponse,
+}
+
+impl StepName {
+    /// Both, in the order of time.
+    pub const ALL: [StepName; 2] = [StepName::HeelStrike, StepName::LoadingResponse];
+
+    /// Name as in `comparison.csv`.
+    pub fn name(self) -> &'static str {
+        match self {
+            StepName::HeelStrike => "heel_strike",
+            StepName::LoadingResponse => "loading_response",
+        }
+    }
+
+    /// Share of the reported frames.
+    fn share(self) -> f64 {
+        match self {
+            StepName::HeelStrike => 0.0,
+            StepName::LoadingResponse => 0.12,
+        }
+    }
+}
+
+/// One muscle line of the rigid leg in a step, in the frame of the mesh with the thigh at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigidLine {
+    /// Name as in `muscles.csv`.
+    pub name: String,
+    /// Tension \[N\].
+    pub force: f64,
+    /// Activation, 0..1.
+    pub activation: f64,
+    /// Points of its path \[m\], origin first.
+    pub path: Vec<Vector3<f64>>,
+    /// Tension at full activation and optimal length \[N\].
+    pub f_max: f64,
+}
+
+impl RigidLine {
+    /// Unit vector of the longest stretch of the path, from origin to insertion: the one that passes the belly.
+    pub fn direction(&self) -> Vector3<f64> {
+        let stretches = self.path.windows(2).map(|p| p[1] - p[0]);
+        let longest = stretches.max_by(|a, b| a.norm().total_cmp(&b.norm()));
+        longest.map_or_else(Vector3::zeros, |d| d.normalize())
+    }
+}
+
+/// One muscle of the thigh as the rigid leg has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigidMuscle {
+    /// Name as in the section tables.
+    pub name: String,
+    /// Its lines.
+    pub lines: Vec<RigidLine>,
+}
+
+impl RigidMuscle {
+    /// Sum of the tensions as vectors along the belly \[N\].
+    pub fn force(&self) -> Vector3<f64> {
+        self.lines.iter().map(|l| l.force * l.direction()).sum()
+    }
+
+    /// Mean activation of the lines, weighted with their strength.
+    pub fn activation(&self) -> f64 {
+        let strength: f64 = self.lines.iter().map(|l| l.f_max).sum();
+        self.lines.iter().map(|l| l.activation * l.f_max).sum::<f64>() / strength
+    }
+
+    /// Force of all lines at full activation and optimal length, as vectors \[N\].
+    pub fn strength(&self) -> f64 {
+        self.lines.iter().map(|l| l.f_max * l.direction()).sum::<Vector3<f64>>().norm()
+    }
+}
+
+/// What the rigid leg says of one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigidStep {
+    /// Which.
+    pub name: StepName,
+    /// Time \[s\].
+    pub time: f64,
+    /// Row among the reported frames.
+    pub row: usize,
+    /// Knee flexion \[rad\].
+    pub knee_flexion: f64,
+    /// Poses of the bones ([`crate::registration::BODIES`]) relative to the mesh.
+    pub poses: [Pose; 4],
+    /// The muscles of the thigh, by name.
+    pub muscles: Vec<RigidMuscle>,
+}
+
+/// The step `name` of a trial; an error says why the frame cannot be used.
+pub fn rigid_step(
+    done: &Optimized,
+    registration: &Registration,
+    name: StepName,
+) -> Result<RigidStep, String> {
+    let n = done.effort.time.len();
+    let row = ((n - 1) as f64 * name.share()).round() as usize;
+    let frame = done.motion.report.start + row;
+    let time = done.effort.time[row];
+    if let Some(why) = &done.motion.fit[frame].failure {
+        return Err(format!("the frame of {} at {time} s was not fitted: {why}", name.name()));
+    }
+    let verdict = &done.effort.verdicts[row];
+    if verdict.status == multibody::trial::Status::Failed {
+        let why = verdict.reason.as_deref().unwrap_or("no reason given");
+        return Err(format!("no muscle forces at {} ({time} s): {why}", name.name()));
+    }
+    let (model, Q) = (&done.model, &done.motion.Q[frame]);
+    let fe = knee_angle(&model.shapes, Q);
+    let line = |wanted: &String| {
+        let i = model.muscles.iter().position(|m| m.name == *wanted).expect("tables agree");
+        let muscle = &model.muscles[i];
+        let path = muscle.points(fe).map(|p| registration.point(model, Q, &p.position.at(Q))).collect();
+        RigidLine {
+            name: wanted.clone(),
+            force: done.effort.forces.values[(row, i)],
+            activation: done.effort.activations.values[(row, i)],
+            path,
+            f_max: muscle.f_max,
+        }
+    };
+    let muscles = lines_of_muscles()
+        .into_iter()
+        .map(|(name, lines)| RigidMuscle { name, lines: lines.iter().map(line).collect() })
+        .collect();
+    Ok(RigidStep { name, time, row, knee_flexion: -fe, poses: registration.poses(model, Q), muscles })
+}

@@ -1,0 +1,217 @@
+//! From blocks of muscles and their attachments to a mesh and a scene.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use fem::material::line::FibreStrain;
+use fem::mesh::muscle::attachment::{Attachment, Role, Site};
+use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
+use fem::mesh::muscle::{MuscleBlock, to_mesh};
+use fem::mesh::{CellBlock, CellKind, Mesh};
+use fem::scene::{
+    Course, FibreLawSpec, FibreSpec, LawSpec, MembraneLawSpec, MembraneSpec, Scene, SolidSpec, StrandSpec,
+    TieSpec,
+};
+use nalgebra::Vector3;
+
+/// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa (`literature.md`, 1.2), and the
+/// Poisson's ratio that is near-incompressible enough (`feasibility.md`).
+pub const MATRIX: LawSpec = LawSpec::MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 };
+/// Young's modulus of the fibres \[Pa\] (`literature.md`, 1.2).
+pub const FIBRE_YOUNG: f64 = 1e6;
+/// Strain over which the tension of a fibre sets in.
+const FIBRE_TOE: f64 = 0.05;
+/// Thickness of the shell around a muscle \[m\]; the study does not state one.
+const SHELL_THICKNESS: f64 = 0.5e-3;
+/// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
+const SHELL_SHEAR: f64 = 7.5e3;
+/// The end layers are this many times stiffer, fading over three layers (`mesh-notes.md`).
+const END_STIFFNESS: f64 = 40.0;
+const END_LAYERS: usize = 3;
+/// Young's modulus \[Pa\] and section \[m²\] of a tendon: 1.2 GPa (Zajac 1989) on 30 mm², per attachment.
+const TENDON_STIFFNESS: f64 = 1.2e9 * 30e-6;
+/// A tendon begins where its path is this far from the end of the muscle \[m\].
+const TENDON_START: f64 = 2e-3;
+
+/// What a scene of the thigh has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThighEffects {
+    /// Fibres.
+    pub fibres: bool,
+    /// Shells around the muscles.
+    pub shells: bool,
+}
+
+/// A muscle of the thigh as a part of the mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ThighMuscle {
+    /// Name; also of its region and of the control of its fibres.
+    pub name: String,
+    /// Centre of each layer of nodes \[m\], origin first.
+    pub line: Vec<Vector3<f64>>,
+    /// Fraction of the line per layer.
+    pub s: Vec<f64>,
+    /// Area of each layer \[m²\].
+    pub areas: Vec<f64>,
+    /// Section of all fibres \[m²\].
+    pub fibre_area: f64,
+    /// Nodes of the mesh on its surface that are tied to each segment.
+    pub tied: BTreeMap<String, Vec<u32>>,
+}
+
+impl ThighMuscle {
+    /// Unit tangent of the line at a layer, towards the insertion.
+    pub fn tangent(&self, layer: usize) -> Vector3<f64> {
+        let (a, b) = (layer.saturating_sub(1), (layer + 1).min(self.line.len() - 1));
+        (self.line[b] - self.line[a]).normalize()
+    }
+
+    /// Layer nearest to a fraction of the line.
+    pub fn layer_at(&self, s: f64) -> usize {
+        let far = |l: &usize| (self.s[*l] - s).abs();
+        (0..self.s.len()).min_by(|a, b| far(a).total_cmp(&far(b))).expect("a muscle has layers")
+    }
+}
+
+/// The deformable thigh: mesh, scene and where its muscles are.
+#[derive(Clone, Debug)]
+pub struct Thigh {
+    /// All regions, tendons and shells.
+    pub mesh: Mesh,
+    /// Which effects there are.
+    pub scene: Scene,
+    /// The muscles.
+    pub muscles: Vec<ThighMuscle>,
+}
+
+/// Name of the node set of `muscle` that is tied to `segment`.
+fn tie_set(muscle: &str, segment: &str) -> String {
+    format!("{muscle}/on_{segment}")
+}
+
+/// Puts the thigh together. `sections`: physiological cross-section of a muscle \[m²\], that of its fibres; without one, the
+/// mean section of the mesh. `reaches`: whether a point of a muscle's side \[m\] is close enough to a bone to grow from it.
+pub fn build(
+    blocks: &[MuscleBlock],
+    attachments: &[Attachment],
+    sections: &dyn Fn(&str) -> Option<f64>,
+    reaches: &dyn Fn(&str, &Vector3<f64>) -> bool,
+    effects: ThighEffects,
+) -> Thigh {
+    let mut mesh = to_mesh(blocks);
+    let mut scene = Scene::default();
+    let mut muscles = Vec::new();
+    let mut first = 0;
+    for block in blocks {
+        let mut muscle = ThighMuscle {
+            name: block.name.clone(),
+            line: block.centre_line(),
+            s: block.s.clone(),
+            areas: (0..block.n_layers()).map(|l| block.area(l)).collect(),
+            fibre_area: 0.0,
+            tied: BTreeMap::new(),
+        };
+        scene.solids.push(SolidSpec {
+            region: block.name.clone(),
+            law: MATRIX,
+            formulation: None,
+            density: 1060.0,
+            scale: end_stiffness(block, END_STIFFNESS, END_LAYERS),
+        });
+        if effects.fibres {
+            muscle.fibre_area = sections(&block.name).unwrap_or_else(|| mean_section(block));
+            add_fibres(block, muscle.fibre_area, first, &mut mesh, &mut scene);
+        }
+        if effects.shells {
+            let region = format!("{}/shell", block.name);
+            let nodes = block.side_faces().into_iter().flatten().map(|n| n + first).collect();
+            mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Quad4, nodes });
+            scene.membranes.push(MembraneSpec {
+                region,
+                thickness: SHELL_THICKNESS,
+                law: MembraneLawSpec::NeoHookean { mu: SHELL_SHEAR },
+            });
+        }
+        attach(block, first, attachments, reaches, &mut mesh, &mut scene, &mut muscle);
+        muscles.push(muscle);
+        first += block.points.len() as u32;
+    }
+    Thigh { mesh, scene, muscles }
+}
+
+fn add_fibres(block: &MuscleBlock, section: f64, first: u32, mesh: &mut Mesh, scene: &mut Scene) {
+    let fibres = fibres(block, section);
+    let name = format!("{}/fibres", block.name);
+    let nodes = fibres.segments.iter().flatten().map(|n| n + first).collect();
+    mesh.blocks.push(CellBlock { name: name.clone(), kind: CellKind::Line2, nodes });
+    scene.fibres.push(FibreSpec {
+        name: name.clone(),
+        course: Course::Region(name),
+        law: FibreLawSpec::Thermal {
+            young: FIBRE_YOUNG,
+            contraction: 1.0,
+            strain: FibreStrain::Engineering,
+            toe: Some(FIBRE_TOE),
+        },
+        area: fibres.area,
+        activation: Some(block.name.clone()),
+    });
+}
+
+/// Ties what grows from bone and hangs tendons on the rest.
+fn attach(
+    block: &MuscleBlock,
+    first: u32,
+    attachments: &[Attachment],
+    reaches: &dyn Fn(&str, &Vector3<f64>) -> bool,
+    mesh: &mut Mesh,
+    scene: &mut Scene,
+    muscle: &mut ThighMuscle,
+) {
+    let mut taken = BTreeSet::new();
+    let mut sets = BTreeMap::<&str, Vec<u32>>::new();
+    let own = || attachments.iter().filter(|a| a.muscle == block.name && a.role != Role::Contact);
+    // Faces before patches: a node of both goes with the end.
+    let faces = own().filter(|a| a.site == Site::EndFace && a.tendon.is_empty());
+    let patches = own().filter(|a| matches!(a.site, Site::SidePatch { .. }));
+    for a in faces.chain(patches) {
+        for node in a.nodes(block) {
+            let near =
+                a.site == Site::EndFace || reaches(&a.bone, &Vector3::from(block.points[node as usize]));
+            if near && taken.insert(node) {
+                sets.entry(&a.segment).or_default().push(node + first);
+            }
+        }
+    }
+    for (segment, mut nodes) in sets {
+        nodes.sort_unstable();
+        let set = tie_set(&block.name, segment);
+        mesh.node_sets.insert(set.clone(), nodes.clone());
+        scene.ties.push(TieSpec { nodes: set, body: segment.into() });
+        muscle.tied.insert(segment.into(), nodes);
+    }
+    for (k, a) in own().filter(|a| !a.tendon.is_empty()).enumerate() {
+        let nodes: Vec<u32> = a.nodes(block).into_iter().filter(|n| !taken.contains(n)).collect();
+        if nodes.is_empty() {
+            continue;
+        }
+        let place = |n: &u32| Vector3::from(block.points[*n as usize]);
+        let centre = nodes.iter().map(place).sum::<Vector3<f64>>() / nodes.len() as f64;
+        let last = a.tendon.last().expect("not empty");
+        let anchor = a.tendon.iter().find(|p| (*p - centre).norm() > TENDON_START).unwrap_or(last);
+        let on_bone = mesh.points.len() as u32;
+        mesh.points.push((*anchor).into());
+        let region = format!("{}/tendon_{}", block.name, k + 1);
+        let lines = nodes.iter().flat_map(|n| [n + first, on_bone]).collect();
+        mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Line2, nodes: lines });
+        let stiffness = TENDON_STIFFNESS / nodes.len() as f64;
+        scene.strands.push(StrandSpec {
+            region: region.clone(),
+            stiffness,
+            toe: 0.01,
+            reference_strain: 0.0,
+        });
+        let set = format!("{region}/anchor");
+        mesh.node_sets.insert(set.clone(), vec![on_bone]);
+        scene.ties.push(TieSpec { nodes: set, body: a.segment.clone() });
+    }
+}

@@ -1,0 +1,200 @@
+//! The thigh between the two models: registration of the bones, attachments, fibres, calibration curves.
+
+#![allow(non_snake_case)]
+
+use std::path::Path;
+
+use coupling::calibration::FibreCurve;
+use coupling::optimize::{OptimizeOptions, optimize};
+use coupling::registration::{BODIES, MeshFrames, Registration};
+use coupling::steps::{StepName, rigid_step};
+use coupling::thigh_tables::{ATTACHMENTS, MUSCLE_SECTIONS};
+use fem::mesh::muscle::attachment::{Attachment, Role, Site};
+use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
+use fem::mesh::muscle::grid::{SectionKind, fill, layers};
+use fem::mesh::muscle::{Loft, MuscleBlock, MuscleSections};
+use multibody::kinematics::coupled_leg;
+use multibody::natural::SegmentId;
+use nalgebra::{Matrix3, Vector3};
+
+fn frames() -> MeshFrames {
+    let turn = |x, y, z| nalgebra::Rotation3::from_euler_angles(x, y, z).into_inner();
+    MeshFrames {
+        pelvis: turn(0.01, -0.02, 0.08),
+        thigh: turn(0.03, 0.09, -0.01),
+        hip: Vector3::new(1e-3, -2e-3, 3e-3),
+        knee: Vector3::new(-5.7e-3, -0.4122, -15.1e-3),
+    }
+}
+
+fn block(name: &str) -> MuscleBlock {
+    let all = MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv")).unwrap();
+    let sections = all.iter().find(|s| s.name == name).unwrap();
+    let h = 8e-3;
+    let grid = SectionKind::rings(sections, h).grid();
+    fill(name, &Loft::new(sections), &grid, layers(sections, h, 1.0))
+}
+
+#[test]
+fn a_straight_leg_leaves_the_bones_where_they_were_meshed() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let model = &done.model;
+    let frames = frames();
+    let registration = Registration::new(frames, model).unwrap();
+    // A leg whose knee is straight and whose pelvis stands to the thigh as in the mesh.
+    let mut Q = done.motion.Q[done.motion.report.start];
+    let thigh = model.pose(SegmentId::Thigh, &Q);
+    let knee = multibody::natural::block(&Q, SegmentId::Thigh.block(2));
+    let [shank, patella] = coupled_leg(&model.shapes, 0.0).unwrap();
+    for (segment, pose) in [(SegmentId::Shank, shank), (SegmentId::Patella, patella)] {
+        let pose = multibody::natural::Pose { R: thigh.R * pose.R, p: knee + thigh.R * pose.p };
+        model.shapes[segment.index()].write(segment, &pose, &mut Q);
+    }
+    let straight = registration.poses(model, &Q);
+    for (name, pose) in BODIES.iter().zip(&straight).skip(1) {
+        let moved = pose.translation.vector.norm() + pose.rotation.angle();
+        assert!(moved < 1e-9, "{name} moved by {moved:e}");
+    }
+    // The pelvis turns about the hip centre only, and its axes come to lie on those of the rigid pelvis.
+    let at_hip = straight[0] * nalgebra::Point3::from(frames.hip);
+    assert!((at_hip.coords - frames.hip).norm() < 1e-12);
+    let w = multibody::natural::block(&Q, SegmentId::Pelvis.block(3)).normalize();
+    let z = straight[0].rotation * frames.pelvis.column(2);
+    assert!((z - registration.direction(model, &Q, &w)).norm() < 1e-9);
+}
+
+#[test]
+fn bones_move_in_the_mesh_as_they_do_on_the_ground() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let (model, frames) = (&done.model, frames());
+    let registration = Registration::new(frames, model).unwrap();
+    let first = done.motion.report.start;
+    let Q = [done.motion.Q[first], done.motion.Q[first + 40]];
+    let poses = Q.map(|q| registration.poses(model, &q));
+    for (body, segment) in [(0, SegmentId::Pelvis), (2, SegmentId::Patella), (3, SegmentId::Shank)] {
+        let angle = |a: Matrix3<f64>| ((a.trace() - 1.0) / 2.0).clamp(-1.0, 1.0).acos();
+        let relative = |q| model.pose(SegmentId::Thigh, q).R.transpose() * model.pose(segment, q).R;
+        let on_ground = angle(relative(&Q[0]).transpose() * relative(&Q[1]));
+        let in_mesh = (poses[0][body].rotation.inverse() * poses[1][body].rotation).angle();
+        assert!(on_ground > 0.05 && (on_ground - in_mesh).abs() < 1e-7, "{segment:?}: {on_ground} {in_mesh}");
+    }
+    // The patellar tendon keeps its length: patella and shank fit each other.
+    let step = rigid_step(&done, &registration, StepName::LoadingResponse).unwrap();
+    assert_eq!(step.muscles.len(), 17);
+    let knee = step.knee_flexion.to_degrees();
+    assert!((20.0..30.0).contains(&knee), "{knee}");
+    for line in step.muscles.iter().flat_map(|m| &m.lines) {
+        let i = model.muscles.iter().position(|m| m.name == line.name).unwrap();
+        let q = &done.motion.Q[first + step.row];
+        let length: f64 = line.path.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
+        assert!((length - model.muscles[i].length(q, -step.knee_flexion)).abs() < 1e-12, "{}", line.name);
+    }
+}
+
+#[test]
+fn the_leg_at_a_flexion_satisfies_its_joint_equations() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let model = &done.model;
+    for flexion in [0.0_f64, 15.0, 60.0, 100.0] {
+        let poses = coupled_leg(&model.shapes, flexion.to_radians()).unwrap();
+        let mut Q = done.motion.Q[done.motion.report.start];
+        let thigh = model.pose(SegmentId::Thigh, &Q);
+        let knee = multibody::natural::block(&Q, SegmentId::Thigh.block(2));
+        for (segment, pose) in [SegmentId::Shank, SegmentId::Patella].into_iter().zip(poses) {
+            let pose = multibody::natural::Pose { R: thigh.R * pose.R, p: knee + thigh.R * pose.p };
+            model.shapes[segment.index()].write(segment, &pose, &mut Q);
+        }
+        // Equations of knee and patella; ankle and hip do not belong to the question.
+        let mut phi = Vec::new();
+        let table = multibody::tables::JointTable::built_in();
+        let [shank, patella, thigh] =
+            [SegmentId::Shank, SegmentId::Patella, SegmentId::Thigh].map(|s| model.shapes[s.index()]);
+        let knee = multibody::joint::knee(table, &thigh, &shank);
+        let patella = multibody::joint::patella(table, &thigh, &patella, &shank);
+        knee.iter().chain(&patella).for_each(|e| e.residual(&Q, &mut phi));
+        assert!(phi.iter().all(|r| r.abs() < 1e-10), "at {flexion} deg: {phi:?}");
+    }
+}
+
+#[test]
+fn attachments_name_the_right_nodes() {
+    let all = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv")).unwrap();
+    assert_eq!(all.iter().filter(|a| a.role == Role::Contact).count(), 1);
+    let block = block("vastus_intermedius");
+    let own: Vec<_> = all.iter().filter(|a| a.muscle == block.name).collect();
+    let face = own.iter().find(|a| a.role == Role::Origin && a.site == Site::EndFace).unwrap();
+    assert_eq!(face.nodes(&block), (0..block.nodes_per_section as u32).collect::<Vec<_>>());
+    let patch = own.iter().find(|a| matches!(a.site, Site::SidePatch { .. })).unwrap();
+    let nodes = patch.nodes(&block);
+    // Side 2 and both its corners, 88 % of the length: nothing of side 1, nothing inside, nothing at the ends.
+    for &n in &nodes {
+        let (layer, local) = (n as usize / block.nodes_per_section, n % block.nodes_per_section as u32);
+        let k = block.outline.iter().position(|&o| o == local).expect("on the outline");
+        assert!((5.0..=13.0).contains(&block.outline_parameter[k]), "{}", block.outline_parameter[k]);
+        assert!((0.04..=0.92).contains(&block.s[layer]));
+    }
+    let on_side = block.outline_parameter.iter().filter(|t| (5.0..=13.0).contains(*t)).count();
+    let in_range = block.s.iter().filter(|s| (0.04..=0.92).contains(*s)).count();
+    assert_eq!(nodes.len(), on_side * in_range);
+}
+
+#[test]
+fn a_wrong_attachment_is_refused_with_its_line() {
+    let line = ATTACHMENTS.lines().position(|l| l.starts_with("gracilis,insertion,side_patch")).unwrap();
+    for (wrong, right, says) in [
+        ("gracilis,insertion,side_patch,shank", "gracilis,insertion,side_patch,calf", "segment is `calf`"),
+        ("gracilis,insertion,side_patch", "gracilis,insertion,glued", "kind is `glued`"),
+        (
+            "gracilis,insertion,side_patch,shank,tibia,0.96,1.00",
+            "gracilis,insertion,side_patch,shank,tibia,0.96,1.40",
+            "0 <= s_from",
+        ),
+        ("side1+endA (points 12-6),13.4", "side1+endA (points 12-26),13.4", "points are numbered 0 to 13"),
+    ] {
+        let text = ATTACHMENTS.replacen(wrong, right, 1);
+        assert_ne!(text, ATTACHMENTS);
+        let error = Attachment::read_csv(&text, Path::new("mine.csv")).unwrap_err().to_string();
+        assert!(error.contains("mine.csv") && error.contains(says), "{error}");
+        assert!(error.contains(&format!("line {}", line + 1)), "{error}");
+    }
+}
+
+#[test]
+fn fibres_share_the_section_and_run_from_end_to_end() {
+    let block = block("rectus_femoris");
+    let section = 33.6e-4;
+    let fibres = fibres(&block, section);
+    let per_fibre = block.n_layers() - 1;
+    assert_eq!(fibres.segments.len(), block.nodes_per_section * per_fibre);
+    let mut total = 0.0;
+    for (segments, areas) in fibres.segments.chunks(per_fibre).zip(fibres.area.chunks(per_fibre)) {
+        assert!(areas.iter().all(|a| *a == areas[0] && *a > 0.0));
+        total += areas[0];
+        assert!(segments.windows(2).all(|s| s[0][1] == s[1][0]));
+        assert_eq!(segments[per_fibre - 1][1] as usize / block.nodes_per_section, per_fibre);
+    }
+    assert!((total / section - 1.0).abs() < 1e-12);
+    // Handsfield-free check: volume over length of this muscle is 331 cm³ over 451 mm.
+    assert!((mean_section(&block) / (331.2e-6 / 0.451) - 1.0).abs() < 0.05);
+    let stiffness = end_stiffness(&block, 40.0, 3);
+    assert_eq!(stiffness.len(), block.n_cells());
+    let layer = block.section_cells.len();
+    assert_eq!((stiffness[0], stiffness[stiffness.len() - 1]), (40.0, 40.0));
+    assert_eq!(stiffness[layer * per_fibre / 2], 1.0);
+}
+
+#[test]
+fn a_fibre_curve_is_monotone_and_meets_its_samples() {
+    let curve = FibreCurve { contraction: vec![0.0, 0.05, 0.1, 0.3], force: vec![0.0, 2.0, 40.0, 200.0] };
+    for (c, f) in curve.contraction.iter().zip(&curve.force) {
+        assert!((curve.contraction_for(*f).unwrap() - c).abs() < 1e-12);
+    }
+    let mut last = 0.0;
+    for k in 1..=400 {
+        let c = curve.contraction_for(0.5 * f64::from(k)).unwrap();
+        assert!(c > last, "at {} N", 0.5 * f64::from(k));
+        last = c;
+    }
+    assert_eq!(curve.contraction_for(200.1), None);
+    assert_eq!(curve.contraction_for(0.0), Some(0.0));
+}
