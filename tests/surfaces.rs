@@ -573,3 +573,49 @@ fn surfaces_of_a_leg_are_sound_and_do_not_meet() {
         }
     }
 }
+
+/// Which surfaces are closed and cross themselves is published with them, found by other means.
+#[test]
+fn faults_of_published_surfaces_are_found() {
+    let Some(folder) = shared("anatomy") else { return };
+    let check = |name: &str| {
+        let file = folder.join(format!("{name}.stl"));
+        Surface::read_checked(&file, LengthUnit::Metre).map_err(|e| match e {
+            SurfaceError::InFile { reason, .. } => *reason,
+            other => panic!("{name}: {other}"),
+        })
+    };
+    for name in [
+        "gracilis",
+        "sartorius",
+        "gluteus_maximus",
+        "biceps_femoris_short_head",
+        "obturator_internus",
+        "tibialis_posterior",
+    ] {
+        let found = check(&format!("muscles/{name}_r"));
+        assert!(matches!(found, Err(SurfaceError::SelfIntersection { .. })), "{name}: {found:?}");
+    }
+    for name in [
+        "rectus_femoris",
+        "adductor_magnus",
+        "vastus_lateralis",
+        "iliotibial_tract",
+        "plantaris",
+        "adductor_minimus",
+    ] {
+        check(&format!("muscles/{name}_r")).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    for (name, border) in [
+        ("femoral_cartilage_r", 574),
+        ("femoral_subchondral_r", 443),
+        ("patellar_cartilage_r", 166),
+        ("tibial_cartilage_medial_r", 156),
+    ] {
+        let found = check(&format!("knee/{name}"));
+        assert!(
+            matches!(found, Err(SurfaceError::Open { count, .. }) if count == border),
+            "{name}: {found:?}"
+        );
+    }
+}

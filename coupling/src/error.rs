@@ -40,6 +40,9 @@ pub enum CommandError {
     /// A mesh or its input cannot be used.
     #[error(transparent)]
     Mesh(#[from] fem::mesh::MeshError),
+    /// Surfaces that give no sections.
+    #[error(transparent)]
+    Sections(#[from] fem::mesh::muscle::from_surface::SectionError),
     /// Results cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fem::mesh::MeshError;
+use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, Settings};
 use fem::mesh::muscle::{Bone, MuscleSections, build};
+use fem::mesh::{LengthUnit, MeshError};
 
 use super::Outcome;
 use crate::error::CommandError;
@@ -20,15 +21,24 @@ const RESOLUTIONS: std::ops::RangeInclusive<f64> = 1.5..=20.0;
 
 #[derive(Args)]
 pub struct MeshArguments {
-    /// Table of muscle sections (CSV, columns as in gait-data/thigh/muscle_sections.csv). Default: the built-in thigh.
+    /// Table of muscle sections (CSV, columns as in gait-data/thigh/muscle_sections.csv), or a folder of closed muscle surfaces
+    /// (<muscle>.stl, .obj or .ply). Default: the built-in thigh.
     input: Option<PathBuf>,
     /// Length of the edges that is aimed at, in mm.
     #[arg(long, value_name = "MM", default_value_t = 6.0, allow_negative_numbers = true)]
     resolution: f64,
-    /// Table of bones to keep out of (CSV, columns as in gait-data/thigh/bone_sections.csv). Default: built-in for the
-    /// built-in thigh, none for other sections.
-    #[arg(long, value_name = "FILE")]
+    /// Table of bones to keep out of (CSV, columns as in gait-data/thigh/bone_sections.csv), or for muscle surfaces a folder of
+    /// bone surfaces. Default: built-in for the built-in thigh, none for other sections, the folder `bones` beside that of
+    /// muscle surfaces.
+    #[arg(long, value_name = "PATH")]
     bones: Option<PathBuf>,
+    /// For muscle surfaces: which muscles to mesh and which bones they join (CSV with the columns muscle, end, bone). Default:
+    /// those of the built-in thigh.
+    #[arg(long, value_name = "FILE")]
+    ends: Option<PathBuf>,
+    /// For surfaces: length unit of the files.
+    #[arg(long, value_name = "m|mm", default_value = "m", value_parser = ["m", "mm"])]
+    unit: String,
     /// Only these muscles, by name.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
@@ -52,26 +62,14 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     }
     let started = Instant::now();
     let mut record = RunRecord::new("mesh");
-    let mut sections = match &arguments.input {
-        None => MuscleSections::read_csv(thigh_tables::MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?,
-        Some(file) => MuscleSections::read_csv(&text(file)?, file)?,
+    let (sections, bones, files) = match &arguments.input {
+        Some(folder) if folder.is_dir() => from_surfaces(folder, arguments)?,
+        _ if arguments.ends.is_some() => {
+            return Err(CommandError::Option("--ends needs a folder of muscle surfaces as input".into()));
+        }
+        _ => from_tables(arguments)?,
     };
-    let bones = match (&arguments.bones, &arguments.input) {
-        (Some(file), _) => Bone::read_csv(&text(file)?, file)?,
-        (None, None) => Bone::read_csv(thigh_tables::BONE_SECTIONS, Path::new("bone_sections.csv"))?,
-        (None, Some(_)) => Vec::new(),
-    };
-    if let Some(unknown) = arguments.only.iter().find(|name| sections.iter().all(|m| m.name != **name)) {
-        let known: Vec<_> = sections.iter().map(|m| m.name.as_str()).collect();
-        return Err(CommandError::Option(format!(
-            "--only names `{unknown}`, which the sections lack; they have {}",
-            known.join(", ")
-        )));
-    }
-    if !arguments.only.is_empty() {
-        sections.retain(|m| arguments.only.contains(&m.name));
-    }
-    for file in arguments.input.iter().chain(&arguments.bones) {
+    for file in &files {
         record.inputs.push(InputFile::of(file)?);
     }
     record.stage("read", started.elapsed());
@@ -116,6 +114,63 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
         let _ = print(&mut out, &name, &summary, seconds, &folder, files.len());
     }
     Ok(outcome)
+}
+
+/// Sections, bones to keep out of, and the files read.
+type Inputs = (Vec<MuscleSections>, Vec<Bone>, Vec<PathBuf>);
+
+/// From tables of sections and bones.
+fn from_tables(arguments: &MeshArguments) -> Result<Inputs, CommandError> {
+    let mut sections = match &arguments.input {
+        None => MuscleSections::read_csv(thigh_tables::MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?,
+        Some(file) => MuscleSections::read_csv(&text(file)?, file)?,
+    };
+    let bones = match (&arguments.bones, &arguments.input) {
+        (Some(file), _) => Bone::read_csv(&text(file)?, file)?,
+        (None, None) => Bone::read_csv(thigh_tables::BONE_SECTIONS, Path::new("bone_sections.csv"))?,
+        (None, Some(_)) => Vec::new(),
+    };
+    let known: Vec<String> = sections.iter().map(|m| m.name.clone()).collect();
+    only_known(&arguments.only, &known)?;
+    sections.retain(|m| arguments.only.is_empty() || arguments.only.contains(&m.name));
+    Ok((sections, bones, arguments.input.iter().chain(&arguments.bones).cloned().collect()))
+}
+
+/// From a folder of muscle surfaces and a folder of bone surfaces.
+fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Inputs, CommandError> {
+    let mut ends = match &arguments.ends {
+        None => MuscleEnds::read_csv(thigh_tables::ATTACHMENTS, Path::new("attachments.csv"))?,
+        Some(file) => MuscleEnds::read_csv(&text(file)?, file)?,
+    };
+    let known: Vec<String> = ends.iter().map(|m| m.muscle.clone()).collect();
+    only_known(&arguments.only, &known)?;
+    ends.retain(|m| arguments.only.is_empty() || arguments.only.contains(&m.muscle));
+    let bones = arguments.bones.clone().unwrap_or_else(|| folder.join("..").join("bones"));
+    let unit = if arguments.unit == "mm" { LengthUnit::Millimetre } else { LengthUnit::Metre };
+    let anatomy = Anatomy::read(folder, &bones, &ends, unit, &Settings::default())?;
+    for (muscle, fit) in anatomy.muscles.iter().zip(&anatomy.fits).filter(|(_, fit)| !fit.is_good()) {
+        eprintln!(
+            "warning: {} is not mapped well: 95 % of its loft within {:.2} mm of the surface, {:.0} % of the volume",
+            muscle.name,
+            fit.p95 * 1e3,
+            fit.coverage() * 100.0
+        );
+    }
+    for file in &anatomy.left_out {
+        eprintln!("note: {} is not meshed; name it in --ends to include it", file.display());
+    }
+    Ok((anatomy.muscles, anatomy.bones, arguments.ends.iter().cloned().chain(anatomy.files).collect()))
+}
+
+/// Refuses names of `--only` that are not known.
+fn only_known(only: &[String], known: &[String]) -> Result<(), CommandError> {
+    match only.iter().find(|name| !known.contains(name)) {
+        Some(unknown) => Err(CommandError::Option(format!(
+            "--only names `{unknown}`, which the sections lack; they have {}",
+            known.join(", ")
+        ))),
+        None => Ok(()),
+    }
 }
 
 fn text(file: &Path) -> Result<String, MeshError> {

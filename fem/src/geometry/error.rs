@@ -32,7 +32,7 @@ pub enum SurfaceError {
     #[error("the surface has no triangles")]
     Empty,
     /// A coordinate that is NaN or infinite.
-    #[error("point {point} has the coordinates {at:?} m; all must be finite")]
+    #[error("point {point} has the coordinates {at:.6?} m; all must be finite")]
     NotFinite {
         /// Number of the point.
         point: usize,
@@ -50,7 +50,7 @@ pub enum SurfaceError {
         n_points: usize,
     },
     /// A triangle that uses one point twice.
-    #[error("triangle {triangle} uses point {point} twice, near {at:?} m; remove collapsed triangles")]
+    #[error("triangle {triangle} uses point {point} twice, near {at:.6?} m; remove collapsed triangles")]
     RepeatedPoint {
         /// Number of the triangle.
         triangle: usize,
@@ -60,7 +60,7 @@ pub enum SurfaceError {
         at: [f64; 3],
     },
     /// Two points at one place: the surface is cut open there.
-    #[error("points {first} and {second} are both at {at:?} m; merge vertices that coincide")]
+    #[error("points {first} and {second} are both at {at:.6?} m; merge vertices that coincide")]
     CoincidentPoints {
         /// Number of one point.
         first: usize,
@@ -70,7 +70,7 @@ pub enum SurfaceError {
         at: [f64; 3],
     },
     /// A triangle whose corners are exactly in line.
-    #[error("triangle {triangle} near {at:?} m has no area: its corners are in line; remove or remesh it")]
+    #[error("triangle {triangle} near {at:.6?} m has no area: its corners are in line; remove or remesh it")]
     NoArea {
         /// Number of the triangle.
         triangle: usize,
@@ -88,7 +88,7 @@ pub enum SurfaceError {
     },
     /// An edge of one triangle only.
     #[error(
-        "the surface is open: {count} edges belong to one triangle only, the first to triangle {triangle} at {at:?} m; \
+        "the surface is open: {count} edges belong to one triangle only, the first to triangle {triangle} at {at:.6?} m; \
          close the hole, or merge vertices that should coincide"
     )]
     Open {
@@ -101,7 +101,7 @@ pub enum SurfaceError {
     },
     /// An edge of more than two triangles.
     #[error(
-        "triangles {triangles:?} share one edge at {at:?} m; a surface has two sides, so at most two may"
+        "triangles {triangles:?} share one edge at {at:.6?} m; a surface has two sides, so at most two may"
     )]
     CrowdedEdge {
         /// The triangles.
@@ -111,7 +111,7 @@ pub enum SurfaceError {
     },
     /// Parts of the surface touch in a point only.
     #[error(
-        "point {point} at {at:?} m: the triangles around it do not form one fan; separate the parts that touch here"
+        "point {point} at {at:.6?} m: the triangles around it do not form one fan; separate the parts that touch here"
     )]
     PinchedPoint {
         /// Number of the point.
@@ -121,7 +121,7 @@ pub enum SurfaceError {
     },
     /// Neighbours that look to different sides.
     #[error(
-        "triangles {first} and {second} are turned differently, at {at:?} m; orient all triangles outward"
+        "triangles {first} and {second} are turned differently, at {at:.6?} m; orient all triangles outward"
     )]
     MixedOrientation {
         /// Number of one triangle.
@@ -133,7 +133,7 @@ pub enum SurfaceError {
     },
     /// All triangles look inward.
     #[error(
-        "the surface is inside out: its volume is {volume:.3e} m³, first triangle at {at:?} m; turn all triangles round"
+        "the surface is inside out: its volume is {volume:.3e} m³, first triangle at {at:.6?} m; turn all triangles round"
     )]
     InsideOut {
         /// The signed volume \[m³\].
@@ -143,7 +143,7 @@ pub enum SurfaceError {
     },
     /// More than one body.
     #[error(
-        "the surface has {count} separate parts; part 1 begins with triangle {triangle} at {at:?} m and has {n_triangles} \
+        "the surface has {count} separate parts; part 1 begins with triangle {triangle} at {at:.6?} m and has {n_triangles} \
          triangles; keep one part per file"
     )]
     SeveralComponents {
@@ -158,7 +158,7 @@ pub enum SurfaceError {
     },
     /// The surface passes through itself.
     #[error(
-        "the surface passes through itself: {count} pairs of triangles meet, the first are {first} and {second} at {at:?} m; \
+        "the surface passes through itself: {count} pairs of triangles meet, the first are {first} and {second} at {at:.6?} m; \
          repair it, e.g. by remeshing"
     )]
     SelfIntersection {

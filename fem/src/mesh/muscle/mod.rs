@@ -3,10 +3,11 @@
 //! [`MuscleSections`] say what a muscle looks like, a [`Loft`] is its surface, [`grid`] fills it with layers of hexahedra whose
 //! third index direction runs from origin to insertion, the fibre direction.
 
+pub mod attachment;
 mod bones;
 mod build;
-pub mod attachment;
 pub mod fibres;
+pub mod from_surface;
 pub mod grid;
 mod lbfgs;
 mod loft;
