@@ -2,25 +2,29 @@
 
 use super::equilibrium::{check, force, go, held, moved, solid, solved, tissue};
 use crate::{Case, Outcome, Tier};
-use fem::measure::{support_wrench, volume};
-use fem::mesh::{Mesh, generate};
+use fem::body::Pose;
+use fem::measure::{body_wrenches, support_wrench, volume};
+use fem::mesh::{CellBlock, CellKind, Mesh, generate};
 use fem::plan::Plan;
-use fem::run::Run;
-use fem::scene::{ForceSpec, FormulationSpec, LawSpec, PrescribedSpec, Scene, SolidSpec};
+use fem::run::{Drive, DriveFrame, Run, run};
+use fem::scene::{
+    ContactSpec, ForceSpec, FormulationSpec, LawSpec, PrescribedSpec, Scene, SolidSpec, TieSpec,
+};
 use fem::solve::Settings;
 
 pub const CASES: &[Case] = &[
     Case { id: "E9", title: "volumetric locking, Cook's membrane", tier: Tier::Full, run: cooks_membrane },
     Case { id: "E9", title: "volumetric locking, indentation", tier: Tier::Full, run: indentation },
+    Case { id: "E11", title: "to a tenth between bonded plates, contact", tier: Tier::Full, run: to_a_tenth },
     Case {
         id: "E11",
-        title: "smooth plates, as far as one equilibrium",
+        title: "smooth plates without contact, as far as one equilibrium",
         tier: Tier::Full,
         run: smooth_plates,
     },
     Case {
         id: "E11",
-        title: "bonded plates, as far as one equilibrium",
+        title: "bonded plates without contact, as far as one equilibrium",
         tier: Tier::Full,
         run: bonded_plates,
     },
@@ -151,8 +155,94 @@ fn indentation() -> Outcome {
     check(good, text.join("; "))
 }
 
-/// Side of the block that is pressed \[m\].
+/// Side of the block that is pressed, or half of it \[m\].
 const SIDE: f64 = 0.01;
+
+/// The case as it is meant: a cube between two wide plates to which it is bonded, its sides in guarded contact with the plates
+/// and with themselves (a quarter of it, two planes of symmetry).
+fn to_a_tenth() -> Outcome {
+    let (n, height) = (4, 2.0 * SIDE);
+    let mut mesh = generate::block([n, n, 2 * n], [SIDE, SIDE, height]);
+    let n_block = mesh.points.len();
+    let ends: Vec<u32> = ["z_min", "z_max"].iter().flat_map(|s| mesh.node_sets[*s].clone()).collect();
+    for plane in ["x_min", "y_min"] {
+        mesh.node_sets.get_mut(plane).expect("a set of the block").retain(|node| !ends.contains(node));
+    }
+    add_plate(&mut mesh, "lower", 0.0, true);
+    add_plate(&mut mesh, "upper", height, false);
+    let tie = |nodes: &str, body: &str| TieSpec { nodes: nodes.into(), body: body.into() };
+    let mut contact = ContactSpec::new(&["block", "lower", "upper"]);
+    contact.pairs =
+        ["block", "lower", "upper"].map(|other| ["block".to_string(), other.to_string()]).to_vec();
+    let along = |set: &str, axis: usize| PrescribedSpec {
+        components: std::array::from_fn(|c| c == axis),
+        ..held(set)
+    };
+    let scene = Scene {
+        solids: vec![solid("block", tissue(30e3, 0.49))],
+        prescribed: vec![along("x_min", 0), along("y_min", 1)],
+        ties: vec![
+            tie("lower", "lower"),
+            tie("z_min", "lower"),
+            tie("upper", "upper"),
+            tie("z_max", "upper"),
+        ],
+        contact: Some(contact),
+        ..Scene::default()
+    };
+    let plan = Plan::new(&scene, mesh).map_err(|e| e.to_string())?;
+    let (mut forces, mut least) = ([0.0; 2], f64::INFINITY);
+    for (force, steps) in forces.iter_mut().zip([10, 1]) {
+        let frame = |i: usize| {
+            let time = i as f64 / steps as f64;
+            let pose = Pose::translation(0.0, 0.0, -0.9 * height * time);
+            DriveFrame { time, load: plan.load(&[], &[("upper", pose)]).expect("the body exists") }
+        };
+        let drive = Drive { frames: (1..=steps).map(frame).collect() };
+        let run = run(&plan, &drive, &Settings::default(), None, &mut |_| {});
+        solved(&format!("{steps} steps"), &run)?;
+        for frame in &run.frames {
+            let plate = height * (1.0 - 0.9 * frame.time);
+            let through = |p: &[f64]| p[2] < -1e-12 || p[2] > plate + 1e-12;
+            if frame.x.chunks_exact(3).take(n_block).any(through) {
+                return Err(format!("the block has gone through a plate at {}", frame.time));
+            }
+        }
+        let upper = plan.bodies.iter().position(|b| b == "upper").expect("the body exists");
+        let at = run.last().expect("solved").snapshot();
+        *force = body_wrenches(&plan, at, &vec![[0.0; 3]; plan.bodies.len()])[upper].force[2];
+        least = run.iterations.iter().map(|i| i.least_det_f).fold(least, f64::min);
+    }
+    let [many, one] = forces;
+    check(
+        (many / one - 1.0).abs() < 0.02 && least > 0.0,
+        format!(
+            "{many:.2} N in 10 steps, {one:.2} N in 1; least det F {least:.3}; nothing through the plates"
+        ),
+    )
+}
+
+/// Adds a rigid plate of 70 × 70 mm at the height `z` \[m\] as a block and a node set, its normal up or down.
+fn add_plate(mesh: &mut Mesh, name: &str, z: f64, up: bool) {
+    let (k, first) = (6, mesh.points.len() as u32);
+    let place = |i: u32| -0.01 + 0.07 * f64::from(i) / f64::from(k);
+    let mut nodes = Vec::new();
+    for j in 0..=k {
+        for i in 0..=k {
+            mesh.points.push([place(i), place(j), z]);
+            if i < k && j < k {
+                let corner = first + i + (k + 1) * j;
+                let mut face = [corner, corner + 1, corner + k + 2, corner + k + 1];
+                if !up {
+                    face.reverse();
+                }
+                nodes.extend(face);
+            }
+        }
+    }
+    mesh.node_sets.insert(name.to_string(), (first..mesh.points.len() as u32).collect());
+    mesh.blocks.push(CellBlock { name: name.to_string(), kind: CellKind::Quad4, nodes });
+}
 
 /// One octant of a block of `n`³ cells under a plate that moves by `press` of the height at load 1; `bonded`: the plate holds
 /// the nodes sideways too.

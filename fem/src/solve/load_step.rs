@@ -3,6 +3,7 @@
 //! From t₀ to t₁ K Δx = −(g + ∂g/∂t (t₁ − t)) moves the free nodes along with what is prescribed, by the largest share of the
 //! step that inverts nothing; from there Newton's method starts.
 
+use super::linear::norm;
 use super::newton::{FIRST_BLEND, Run, Taken};
 use super::{Loading, NotConverged, Reason};
 use std::time::Instant;
@@ -114,7 +115,8 @@ impl Run<'_> {
             }
             let taken = Taken { step_length: length, linear: report, projected };
             potential.gradient(x, &mut g);
-            self.record(potential, x, t, 0, &g, &taken, start);
+            let state = [norm(&g), potential.force_scale(x), potential.energy(x)];
+            self.record(potential, x, t, 0, state, &taken, start);
         }
         if t >= target || !potential.touching(x).is_empty() {
             return Ok(t);

@@ -53,6 +53,7 @@ impl Run<'_> {
         let (mut g, mut dx, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let mut energy = potential.energy(x);
         self.gradient(potential, x, &mut g);
+        let mut scale = potential.force_scale(x);
         let mut last = f64::INFINITY;
         for iteration in 1..=self.settings.max_iterations {
             let start = Instant::now();
@@ -60,11 +61,9 @@ impl Run<'_> {
             if !residual.is_finite() || !energy.is_finite() {
                 return Err(self.failure(potential, x, Reason::NotFinite, iteration, &g));
             }
-            let wanted = self.wanted(potential, x);
+            let wanted = self.wanted(scale);
+            (self.report.residual, self.report.force_scale, self.report.energy) = (residual, scale, energy);
             if residual <= wanted || residual <= round_off(self.k, x) {
-                self.report.residual = residual;
-                self.report.force_scale = potential.force_scale(x);
-                self.report.energy = energy;
                 self.report.least_det_f = potential.least_det_f(x).0;
                 return Ok(());
             }
@@ -85,7 +84,10 @@ impl Run<'_> {
             ) {
                 Ok(length) => length,
                 // Round-off, not the mechanics, ends the descent a little above the estimate.
-                Err(_) if residual <= 100.0 * round_off(self.k, x) => return Ok(()),
+                Err(_) if residual <= 100.0 * round_off(self.k, x) => {
+                    self.report.least_det_f = potential.least_det_f(x).0;
+                    return Ok(());
+                }
                 Err(_) if !projected => {
                     self.definite = true;
                     self.met_indefinite = true;
@@ -100,10 +102,11 @@ impl Run<'_> {
             };
             x.copy_from_slice(&trial);
             self.gradient(potential, x, &mut g);
+            scale = potential.force_scale(x);
             self.report.assembly_s += assembly.elapsed().as_secs_f64();
             self.report.iterations += 1;
             let taken = Taken { step_length: length, linear: report, projected };
-            self.record(potential, x, load, iteration, &g, &taken, start);
+            self.record(potential, x, load, iteration, [norm(&g), scale, energy], &taken, start);
         }
         Err(self.failure(potential, x, Reason::Iterations, self.settings.max_iterations, &g))
     }
@@ -181,9 +184,9 @@ impl Run<'_> {
         }
     }
 
-    /// Norm of the gradient at which an equilibrium is found \[N\].
-    fn wanted(&self, potential: &dyn Loading, x: &[f64]) -> f64 {
-        self.settings.tolerance * potential.force_scale(x).max(self.settings.least_force)
+    /// Norm of the gradient at which an equilibrium is found \[N\], given the forces in play.
+    fn wanted(&self, force_scale: f64) -> f64 {
+        self.settings.tolerance * force_scale.max(self.settings.least_force)
     }
 
     /// Gradient with zeros at prescribed unknowns.
@@ -206,7 +209,7 @@ impl Run<'_> {
         x: &[f64],
         load: f64,
         iteration: usize,
-        g: &[f64],
+        [residual, force_scale, energy]: [f64; 3],
         taken: &Taken,
         start: Instant,
     ) {
@@ -215,9 +218,9 @@ impl Run<'_> {
             step: self.step,
             load,
             iteration,
-            residual: norm(g),
-            force_scale: potential.force_scale(x),
-            energy: potential.energy(x),
+            residual,
+            force_scale,
+            energy,
             step_length: taken.step_length,
             least_det_f: potential.least_det_f(x).0,
             linear_iterations: taken.linear.iterations,
@@ -238,7 +241,7 @@ impl Run<'_> {
         g: &[f64],
     ) -> Box<NotConverged> {
         let (det_f, place) = potential.least_det_f(x);
-        let wanted = self.wanted(potential, x);
+        let wanted = self.wanted(potential.force_scale(x));
         Box::new(NotConverged {
             island: self.name.clone(),
             step: self.step,
