@@ -2,31 +2,10 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
-use std::sync::OnceLock;
 
 use coupling::optimize::{OptimizeOptions, optimize};
 use multibody::trial::Status;
-use support::shared;
-
-/// The program itself, built once by the cargo that runs these tests.
-fn sartorius(arguments: &[&str], folder: &Path) -> Output {
-    static PROGRAM: OnceLock<std::path::PathBuf> = OnceLock::new();
-    let program = PROGRAM.get_or_init(|| {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
-        let status = Command::new(cargo)
-            .args(["build", "--quiet", "--release", "-p", "sartorius-coupling", "--bin", "sartorius"])
-            .current_dir(&root)
-            .status()
-            .expect("cargo runs");
-        assert!(status.success(), "the program does not build");
-        // target/<profile>/deps/this-test
-        let target = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_path_buf();
-        target.join("release/sartorius")
-    });
-    Command::new(program).args(arguments).current_dir(folder).output().expect("the program starts")
-}
+use support::{sartorius, shared};
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

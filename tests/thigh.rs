@@ -183,6 +183,61 @@ fn fibres_share_the_section_and_run_from_end_to_end() {
     assert_eq!(stiffness[layer * per_fibre / 2], 1.0);
 }
 
+/// Rows of a comparison as (step, muscle, numbers).
+fn comparison(path: &Path) -> Vec<(String, String, Vec<Option<f64>>)> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let header: Vec<String> = reader.headers().unwrap().iter().map(String::from).collect();
+    assert_eq!(
+        header.join(","),
+        "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
+         fibre_N,matrix_N,shell_N"
+    );
+    let rows = reader.records().map(|r| r.unwrap());
+    rows.map(|r| (r[0].into(), r[1].into(), r.iter().skip(2).map(|c| c.parse().ok()).collect())).collect()
+}
+
+#[test]
+fn calibrated_muscles_pull_as_the_rigid_leg_says_where_the_bones_stand_still() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("compared");
+    let arguments = [
+        "compare",
+        "--resolution",
+        "14",
+        "--stress-free",
+        "heel-strike",
+        "--only",
+        "gluteus_minimus,gluteus_medius",
+    ];
+    let output =
+        support::sartorius(&[&arguments[..], &["--out", out.to_str().unwrap()]].concat(), folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows = comparison(&out.join("comparison.csv"));
+    assert_eq!(rows.len(), 4);
+    for (step, muscle, v) in &rows {
+        let [_, rigid, fe, contact, difference, _, fibre, matrix, shell] = v[..] else { panic!("{v:?}") };
+        let (rigid, fe) = (rigid.unwrap(), fe.unwrap());
+        assert!(contact.is_none() && (difference.unwrap() - (fe - rigid)).abs() < 2e-3);
+        let parts = fibre.unwrap() + matrix.unwrap() + shell.unwrap();
+        assert!((parts - fe).abs() < 5e-3, "{step} {muscle}: parts {parts} N of {fe} N");
+        // Bones stand still at heel strike: what is left is interpolation between the samples of the calibration.
+        if step == "heel_strike" {
+            assert!(rigid > 50.0 && (fe / rigid - 1.0).abs() < 0.02, "{muscle}: {fe} N for {rigid} N");
+        }
+    }
+    assert!(out.join("run.json").exists() && out.join("no_contact/thigh.pvd").exists());
+}
+
+#[test]
+fn a_comparison_of_an_unknown_muscle_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = support::sartorius(&["compare", "--only", "gluteus_medium"], folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("gluteus_medium") && said.contains("gluteus_medius"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 #[test]
 fn a_fibre_curve_is_monotone_and_meets_its_samples() {
     let curve = FibreCurve { contraction: vec![0.0, 0.05, 0.1, 0.3], force: vec![0.0, 2.0, 40.0, 200.0] };

@@ -1,19 +1,24 @@
 //! The gait steps on the deformable thigh, and its muscle forces beside those of the rigid leg.
 
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fem::body::Pose;
 use fem::effect::Part;
-use fem::measure::section_force;
+use fem::geometry::{SearchSurface, Surface};
+use fem::measure::{collision_surfaces, section_force};
+use fem::output::run_to_files;
 use fem::plan::{Plan, SceneError};
-use fem::run::{Drive, DriveFrame, Run, run};
+use fem::run::{Drive, DriveFrame, Frame, Run};
 use fem::solve::Settings;
+use rayon::prelude::*;
 
 use crate::calibration::{CalibrationError, FibreCurve};
 use crate::registration::BODIES;
 use crate::section::belly_cut;
 use crate::steps::{RigidStep, StepName};
-use crate::thigh::build::Thigh;
+use crate::thigh::build::{Thigh, ThighMuscle};
 
 /// In which posture the mesh is free of stress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -54,7 +59,11 @@ pub struct Configuration {
     pub run: Run,
     /// Forces at the steps that were solved.
     pub steps: Vec<StepForces>,
-    /// Seconds.
+    /// Pairs of surfaces that intersect at a step, by the exact test; with guarded contact there are none.
+    pub intersections: Vec<String>,
+    /// Volume that muscles share with each other at each solved step \[m³\].
+    pub overlaps: Vec<f64>,
+    /// Wall time of the solution.
     pub time: Duration,
 }
 
@@ -67,6 +76,9 @@ pub enum CompareError {
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// A file.
+    #[error(transparent)]
+    Output(#[from] fem::output::OutputError),
 }
 
 /// Frames of the drive: the way to heel strike passive, the activation there, then loading response.
@@ -117,35 +129,76 @@ pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
     thigh.muscles.iter().map(|m| force(&m.name)).collect()
 }
 
-/// Carries one configuration through the steps.
+/// Carries one configuration through the steps; its frames are written to `folder` as they come.
 pub fn configuration(
     plan: &Plan,
     thigh: &Thigh,
     drive: &Drive,
     steps: &[RigidStep],
     settings: &Settings,
-) -> Configuration {
+    folder: &Path,
+) -> Result<Configuration, CompareError> {
     let clock = Instant::now();
-    let run = run(plan, drive, settings, None, &mut |_| ());
+    let run = run_to_files(plan, drive, settings, None, folder, "thigh", &mut |_| ())?;
+    let time = clock.elapsed();
     let passive = drive.frames.len() - steps.len();
-    let forces = run.frames.iter().skip(passive).zip(steps).map(|(frame, step)| StepForces {
+    let at_steps = || run.frames.iter().skip(passive);
+    let forces = at_steps().zip(steps).map(|(frame, step)| StepForces {
         step: step.name,
-        muscles: thigh
-            .muscles
-            .iter()
-            .map(|muscle| {
-                let (cut, tangent) = belly_cut(muscle);
-                let section = section_force(plan, frame.snapshot(), &cut);
-                let part = |p| section.part_along(p, tangent.into());
-                MuscleForce {
-                    total: section.along(tangent.into()),
-                    fibre: part(Part::Fibre),
-                    matrix: part(Part::Matrix),
-                    shell: part(Part::Membrane),
-                }
-            })
-            .collect(),
+        muscles: thigh.muscles.iter().map(|muscle| muscle_force(plan, frame, muscle)).collect(),
     });
-    let steps = forces.collect();
-    Configuration { run, steps, time: clock.elapsed() }
+    let forces = forces.collect();
+    let mut intersections = Vec::new();
+    let mut overlaps = Vec::new();
+    for frame in at_steps() {
+        let skins = skins(plan, thigh, frame);
+        let pairs: Vec<(usize, usize)> =
+            (0..skins.len()).flat_map(|a| (a + 1..skins.len()).map(move |b| (a, b))).collect();
+        let met: Vec<(usize, f64)> = pairs
+            .par_iter()
+            .map(|&(a, b)| match skins[a].intersections(&skins[b]).len() {
+                0 => (0, 0.0),
+                n => (
+                    n,
+                    fem::geometry::overlap::overlap(&skins[a], &skins[b], OVERLAP_SPACING)
+                        .map_or(f64::NAN, |o| o.volume),
+                ),
+            })
+            .collect();
+        overlaps.push(met.iter().map(|m| m.1).sum());
+        for (&(a, b), (n, _)) in pairs.iter().zip(&met).filter(|(_, m)| m.0 > 0) {
+            let [a, b] = [a, b].map(|i| &thigh.muscles[i].name);
+            intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
+        }
+    }
+    Ok(Configuration { run, steps: forces, intersections, overlaps, time })
+}
+
+/// Lines along which shared volume is measured are this far apart \[m\].
+const OVERLAP_SPACING: f64 = 1e-3;
+
+/// Surfaces of the muscles in a frame: as contact sees them where there is contact.
+fn skins(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<SearchSurface> {
+    let mut touching: BTreeMap<String, Surface> =
+        collision_surfaces(plan, frame.snapshot()).into_iter().collect();
+    let points: Vec<[f64; 3]> = frame.x.as_chunks::<3>().0.to_vec();
+    let mut skin = |m: &ThighMuscle| {
+        let name = format!("{}/surface", m.name);
+        let of_mesh = || Surface::from_faces(&points, &thigh.mesh.surfaces[&name]).0;
+        SearchSurface::new(touching.remove(&name).unwrap_or_else(of_mesh))
+    };
+    thigh.muscles.iter().map(&mut skin).collect()
+}
+
+/// Force of a muscle through its belly.
+fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce {
+    let (cut, tangent) = belly_cut(muscle);
+    let section = section_force(plan, frame.snapshot(), &cut);
+    let part = |p| section.part_along(p, tangent.into());
+    MuscleForce {
+        total: section.along(tangent.into()),
+        fibre: part(Part::Fibre),
+        matrix: part(Part::Matrix),
+        shell: part(Part::Membrane),
+    }
 }

@@ -6,11 +6,15 @@
 
 #![allow(non_snake_case)]
 
+use std::collections::HashMap;
+
 use fem::body::Pose;
 use multibody::kinematics::coupled_leg;
 use multibody::model::Model;
 use multibody::natural::{self, Coordinates, SegmentId};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use crate::thigh_tables::LIMB_FRAMES;
 
 /// The bones as bodies of a scene, in the order of [`Registration::poses`].
 pub const BODIES: [&str; 4] = ["pelvis", "thigh", "patella", "shank"];
@@ -26,6 +30,32 @@ pub struct MeshFrames {
     pub hip: Vector3<f64>,
     /// Knee centre, midpoint of the epicondyles.
     pub knee: Vector3<f64>,
+}
+
+impl MeshFrames {
+    /// The frames of the built-in thigh (`gait-data/thigh/limb_frames.csv`).
+    pub fn built_in() -> MeshFrames {
+        let mut reader = csv::Reader::from_reader(LIMB_FRAMES.as_bytes());
+        let rows: Vec<HashMap<String, String>> =
+            reader.deserialize().map(|row| row.expect("built-in tables are well formed")).collect();
+        let vector = |segment: &str, columns: [&str; 3]| {
+            let row =
+                rows.iter().find(|r| r["segment"] == segment).expect("the table lists pelvis and thigh");
+            Vector3::from(columns.map(|c| row[c].parse::<f64>().expect("built-in tables are well formed")))
+        };
+        let axes = |segment: &str| {
+            let columns = [["Xx", "Xy", "Xz"], ["Yx", "Yy", "Yz"], ["Zx", "Zy", "Zz"]];
+            // The table has five digits; a rotation needs more.
+            let R = Matrix3::from_columns(&columns.map(|c| vector(segment, c)));
+            Rotation3::from_matrix(&R).into_inner()
+        };
+        MeshFrames {
+            pelvis: axes("pelvis"),
+            thigh: axes("thigh"),
+            hip: 1e-3 * vector("thigh", ["Px", "Py", "Pz"]),
+            knee: 1e-3 * vector("thigh", ["Dx", "Dy", "Dz"]),
+        }
+    }
 }
 
 /// A mesh laid over the rigid leg of a subject.
@@ -75,6 +105,29 @@ impl Registration {
         let [shank, patella] =
             [0, 1].map(|i| to_knee * below[i] * self.extended[i].inverse() * to_knee.inverse());
         [to_hip * about_hip * to_hip.inverse(), Isometry3::identity(), patella, shank]
+    }
+
+    /// The posture of the mesh as natural coordinates of the leg, with the thigh axes of the mesh in ground; the foot is left at zero.
+    pub fn standing(&self, model: &Model) -> Coordinates {
+        let MeshFrames { pelvis, thigh, hip, .. } = self.frames;
+        let mut Q = Coordinates::zeros();
+        let mut write = |segment: SegmentId, R: Matrix3<f64>, p: Vector3<f64>| {
+            model.shapes[segment.index()].write(segment, &natural::Pose { R, p }, &mut Q);
+        };
+        write(SegmentId::Thigh, thigh, hip);
+        // The frame of the rigid pelvis has X = u, the mesh Z along the ASISs: both turned so that the latter agree.
+        let mut scs = Coordinates::zeros();
+        let upright = natural::Pose { R: Matrix3::identity(), p: Vector3::zeros() };
+        model.shapes[SegmentId::Pelvis.index()].write(SegmentId::Pelvis, &upright, &mut scs);
+        let R = pelvis * pelvis_axes(&scs).transpose();
+        write(SegmentId::Pelvis, R, hip - R * model.hip);
+        let knee = natural::block(&Q, SegmentId::Thigh.block(2));
+        for (segment, pose) in [SegmentId::Shank, SegmentId::Patella].into_iter().zip(&self.extended) {
+            let R = thigh * pose.rotation.to_rotation_matrix().into_inner();
+            let place = natural::Pose { R, p: knee + thigh * pose.translation.vector };
+            model.shapes[segment.index()].write(segment, &place, &mut Q);
+        }
+        Q
     }
 
     /// A direction in ground as one in the mesh with the thigh at rest.

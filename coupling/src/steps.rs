@@ -3,7 +3,9 @@
 #![allow(non_snake_case)]
 
 use fem::body::Pose;
+use multibody::model::Model;
 use multibody::muscle::path::knee_angle;
+use multibody::natural::Coordinates;
 use nalgebra::Vector3;
 
 use crate::optimize::Optimized;
@@ -128,22 +130,34 @@ pub fn rigid_step(
         return Err(format!("no muscle forces at {} ({time} s): {why}", name.name()));
     }
     let (model, Q) = (&done.model, &done.motion.Q[frame]);
+    let values = |i: usize| [done.effort.forces.values[(row, i)], done.effort.activations.values[(row, i)]];
+    let muscles = rigid_muscles(model, registration, Q, values);
+    let knee_flexion = -knee_angle(&model.shapes, Q);
+    Ok(RigidStep { name, time, row, knee_flexion, poses: registration.poses(model, Q), muscles })
+}
+
+/// The muscles of the thigh in the posture in which the mesh stands, at rest.
+pub fn rigid_muscles_standing(model: &Model, registration: &Registration) -> Vec<RigidMuscle> {
+    rigid_muscles(model, registration, &registration.standing(model), |_| [0.0; 2])
+}
+
+/// The muscles of the thigh in a posture; `values` gives force \[N\] and activation of a line by its number.
+fn rigid_muscles(
+    model: &Model,
+    registration: &Registration,
+    Q: &Coordinates,
+    values: impl Fn(usize) -> [f64; 2],
+) -> Vec<RigidMuscle> {
     let fe = knee_angle(&model.shapes, Q);
     let line = |wanted: &String| {
         let i = model.muscles.iter().position(|m| m.name == *wanted).expect("tables agree");
         let muscle = &model.muscles[i];
+        let [force, activation] = values(i);
         let path = muscle.points(fe).map(|p| registration.point(model, Q, &p.position.at(Q))).collect();
-        RigidLine {
-            name: wanted.clone(),
-            force: done.effort.forces.values[(row, i)],
-            activation: done.effort.activations.values[(row, i)],
-            path,
-            f_max: muscle.f_max,
-        }
+        RigidLine { name: wanted.clone(), force, activation, path, f_max: muscle.f_max }
     };
-    let muscles = lines_of_muscles()
+    lines_of_muscles()
         .into_iter()
         .map(|(name, lines)| RigidMuscle { name, lines: lines.iter().map(line).collect() })
-        .collect();
-    Ok(RigidStep { name, time, row, knee_flexion: -fe, poses: registration.poses(model, Q), muscles })
+        .collect()
 }

@@ -10,7 +10,9 @@ pub mod sharing_cases;
 pub mod sharing_problems;
 pub mod walking;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
 
 /// A file or folder under `../shared`, the read-only reference material beside the repository.
 ///
@@ -72,4 +74,23 @@ impl Random {
     pub fn vector(&mut self, size: f64) -> nalgebra::Vector3<f64> {
         nalgebra::Vector3::new(self.uniform(), self.uniform(), self.uniform()) * size
     }
+}
+
+/// The program itself, built once by the cargo that runs these tests.
+pub fn sartorius(arguments: &[&str], folder: &Path) -> Output {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    let program = PROGRAM.get_or_init(|| {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
+        let status = Command::new(cargo)
+            .args(["build", "--quiet", "--release", "-p", "sartorius-coupling", "--bin", "sartorius"])
+            .current_dir(&root)
+            .status()
+            .expect("cargo runs");
+        assert!(status.success(), "the program does not build");
+        // target/<profile>/deps/this-test
+        let target = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_path_buf();
+        target.join("release/sartorius")
+    });
+    Command::new(program).args(arguments).current_dir(folder).output().expect("the program starts")
 }

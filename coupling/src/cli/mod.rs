@@ -1,6 +1,7 @@
 //! The command line. Exit codes: 0 solved, 2 bad input, 3 not converged or a verdict failed; nothing else.
 
 mod check;
+mod compare;
 mod mesh;
 mod optimize;
 
@@ -36,6 +37,8 @@ enum Command {
     Optimize(optimize::OptimizeArguments),
     /// Hexahedral meshes of the muscles from cross-sections, kept apart from each other and from the bones.
     Mesh(mesh::MeshArguments),
+    /// Heel strike and loading response on the deformable thigh beside the rigid leg, without and with contact.
+    Compare(compare::CompareArguments),
     /// Is this input file good; what is wrong, where, and how to mend it.
     Check(check::CheckArguments),
 }
@@ -58,6 +61,7 @@ pub fn main() -> ExitCode {
     let result: Result<Outcome, CommandError> = match arguments.command {
         Command::Optimize(arguments) => optimize::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {

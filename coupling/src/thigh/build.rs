@@ -2,14 +2,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fem::geometry::SearchSurface;
 use fem::material::line::FibreStrain;
 use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
-use fem::mesh::muscle::{MuscleBlock, to_mesh};
+use fem::mesh::muscle::{Bone, MuscleBlock, to_mesh};
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{
-    Course, FibreLawSpec, FibreSpec, LawSpec, MembraneLawSpec, MembraneSpec, Scene, SolidSpec, StrandSpec,
-    TieSpec,
+    ContactSpec, Course, FibreLawSpec, FibreSpec, LawSpec, MembraneLawSpec, MembraneSpec, Scene, SolidSpec,
+    StrandSpec, TieSpec,
 };
 use nalgebra::Vector3;
 
@@ -29,6 +30,12 @@ const END_STIFFNESS: f64 = 40.0;
 const END_LAYERS: usize = 3;
 /// Young's modulus \[Pa\] and section \[m²\] of a tendon: 1.2 GPa (Zajac 1989) on 30 mm², per attachment.
 const TENDON_STIFFNESS: f64 = 1.2e9 * 30e-6;
+/// A side grows from bone that is nearer than this \[m\]: the 3 mm of the table and the gap that the mesher keeps.
+const PATCH_REACH: f64 = 3.5e-3;
+/// Around its attachments a muscle takes no notice of the bone \[m\].
+const ATTACHMENT_REACH: f64 = 8e-3;
+/// Overlaps of the mesh with bone up to this depth are parted \[m\].
+const CONTACT_REPAIR: f64 = 2e-3;
 /// A tendon begins where its path is this far from the end of the muscle \[m\].
 const TENDON_START: f64 = 2e-3;
 
@@ -81,6 +88,66 @@ pub struct Thigh {
     pub scene: Scene,
     /// The muscles.
     pub muscles: Vec<ThighMuscle>,
+}
+
+/// Segment that carries a bone of the tables.
+fn segment_of(bone: &str) -> Option<&'static str> {
+    Some(match bone {
+        "hip_bone" | "sacrum" => "pelvis",
+        "femur" => "thigh",
+        "patella" => "patella",
+        "tibia" | "fibula" => "shank",
+        _ => return None,
+    })
+}
+
+impl Thigh {
+    /// Adds rigid bones and guarded contact of all muscles and bones. A bone that belongs to no segment is left out.
+    ///
+    /// A muscle takes no notice of a bone that one of its end faces or tendons reaches: it is drawn into the bone there, by up to
+    /// 2 mm. Broad origins on the side keep contact with their bone beyond the patch.
+    pub fn add_contact(&mut self, bones: &[Bone], attachments: &[Attachment]) {
+        let mut surfaces: Vec<String> = self.muscles.iter().map(|m| format!("{}/surface", m.name)).collect();
+        for bone in bones {
+            let Some(segment) = segment_of(&bone.name) else { continue };
+            let name = format!("bone/{}", bone.name);
+            let first = self.mesh.points.len() as u32;
+            self.mesh.points.extend(&bone.surface.points);
+            let triangle = |&[a, b, c]: &[u32; 3]| [a + first, b + first, c + first, c + first];
+            self.mesh.surfaces.insert(name.clone(), bone.surface.triangles.iter().map(triangle).collect());
+            let nodes = bone.surface.triangles.iter().flatten().map(|n| n + first).collect();
+            self.mesh.blocks.push(CellBlock { name: bone.name.clone(), kind: CellKind::Tri3, nodes });
+            self.mesh.node_sets.insert(name.clone(), (first..self.mesh.points.len() as u32).collect());
+            self.scene.ties.push(TieSpec { nodes: name.clone(), body: segment.into() });
+            surfaces.push(name);
+        }
+        let names: Vec<&str> = surfaces.iter().map(String::as_str).collect();
+        let ends = attachments
+            .iter()
+            .filter(|a| a.role != Role::Contact && !matches!(a.site, Site::SidePatch { .. }));
+        let mut excluded: Vec<[String; 2]> = ends
+            .map(|a| [format!("{}/surface", a.muscle), format!("bone/{}", a.bone)])
+            .filter(|pair| pair.iter().all(|name| surfaces.contains(name)))
+            .collect();
+        excluded.sort();
+        excluded.dedup();
+        self.scene.contact = Some(ContactSpec {
+            attachment: ATTACHMENT_REACH,
+            repair: CONTACT_REPAIR,
+            excluded,
+            ..ContactSpec::new(&names)
+        });
+    }
+}
+
+/// Whether a point of a muscle's side \[m\] is close enough to a bone to grow from it. A bone that has no surface is never far.
+pub fn reaches(bones: &[Bone]) -> impl Fn(&str, &Vector3<f64>) -> bool {
+    let search: Vec<(String, SearchSurface)> =
+        bones.iter().map(|b| (b.name.clone(), SearchSurface::new(b.surface.clone()))).collect();
+    move |bone, point| match search.iter().find(|(name, _)| name == bone) {
+        Some((_, surface)) => surface.nearest(point).is_some_and(|(p, _, _)| p.distance <= PATCH_REACH),
+        None => true,
+    }
 }
 
 /// Name of the node set of `muscle` that is tied to `segment`.
