@@ -347,7 +347,8 @@ pub struct ContactSpec {
     #[serde(default)]
     pub spacing: Option<f64>,
     /// Depth \[m\] up to which an overlap in the mesh is mended by moving its nodes, free of stress; deeper ones are
-    /// refused. Surfaces that touch are always parted, by a tenth of `distance`.
+    /// refused. What cannot be parted (near ties) takes no notice of the other surface. Surfaces that touch are always
+    /// parted, by a tenth of `distance`.
     #[serde(default)]
     pub repair: f64,
     /// Surfaces within this distance \[m\] of a node tied to a body take no notice of that body (around attachments);

@@ -5,6 +5,7 @@
 
 use std::time::Instant;
 
+mod contact;
 mod elements;
 mod equilibrium;
 mod incompressible;
@@ -38,9 +39,8 @@ fn main() {
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
     let mut failed = 0;
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
-    for case in
-        elements::CASES.iter().chain(equilibrium::CASES).chain(incompressible::CASES).chain(rigid::CASES)
-    {
+    let tables = [elements::CASES, contact::CASES, equilibrium::CASES, incompressible::CASES, rigid::CASES];
+    for case in tables.into_iter().flatten() {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
             continue;
         }

@@ -40,8 +40,6 @@ use surface::{SurfaceInput, Surfaces};
 
 /// Distance within which edges repel each other, as a share of that of samples.
 const EDGE_REACH: f64 = 0.5;
-/// Depth to which penetrations are looked for in the cheap mode, as a share of the edge length.
-const DEPTH: f64 = 1.0;
 /// Slack of the candidate list as a share of the activation distance.
 const SLACK: f64 = 0.5;
 
@@ -117,14 +115,12 @@ impl Contact {
         };
         let carrier = surfaces.points.iter().map(carrier).collect();
         let partners = Partners { of, muted: muted.collect(), carrier };
-        // Points deeper than this have come from the other side.
-        let depth = DEPTH * surfaces.edge_length;
         let mut contact = Contact {
             mode: input.mode,
             distance: input.distance,
             reach: vec![input.distance; surfaces.points.len()],
             edge_reach: vec![EDGE_REACH * input.distance; surfaces.edges.len()],
-            largest_reach: if input.mode == Mode::Cheap { depth } else { input.distance },
+            largest_reach: input.distance,
             surfaces,
             partners,
             cache: Mutex::default(),
@@ -181,20 +177,19 @@ impl Contact {
     /// Terms of the potential at positions `x` \[m\] of the local nodes.
     pub fn stencils(&self, x: &[f64]) -> (Vec<Vector3<f64>>, Vec<Stencil>) {
         let p = self.surfaces.positions(x);
+        if self.mode == Mode::Cheap {
+            let springs = self.springs(&p);
+            return (p, springs);
+        }
         let near = self.candidates(&p);
         let of_samples: Vec<&[[u32; 2]]> = near.point_triangle.chunk_by(|a, b| a[0] == b[0]).collect();
         let samples = of_samples.par_chunks(128).map(|chunk| {
             let mut out = Vec::new();
-            for list in chunk {
-                match self.mode {
-                    Mode::Guarded => self.sample_stencils(list, &p, &mut out),
-                    Mode::Cheap => out.extend(self.springs(list, &p)),
-                }
-            }
+            chunk.iter().for_each(|list| self.sample_stencils(list, &p, &mut out));
             out
         });
-        let edge_edge = if self.mode == Mode::Guarded { near.edge_edge.as_slice() } else { &[] };
-        let edges = edge_edge
+        let edges = near
+            .edge_edge
             .par_chunks(512)
             .map(|chunk| chunk.iter().filter_map(|&[e, f]| self.edge_stencil(e, f, &p)).collect::<Vec<_>>());
         let all: Vec<Vec<Stencil>> = samples.chain(edges).collect();
@@ -378,12 +373,17 @@ impl Contact {
         blocks.concat()
     }
 
-    /// Greatest share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that touches nothing.
+    /// Greatest share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that touches nothing; in the
+    /// cheap mode the share on which no penetration can escape notice.
     pub fn share(&self, from: &[f64], to: &[f64]) -> f64 {
         let (start, end) = (self.surfaces.positions(from), self.surfaces.positions(to));
         let farthest = start.iter().zip(&end).map(|(a, b)| (b - a).norm_squared()).fold(0.0, f64::max).sqrt();
         if !farthest.is_finite() {
             return 0.0;
+        }
+        if self.mode == Mode::Cheap {
+            // A point that comes deeper than half an element finds its way out on the other side.
+            return (0.5 * self.surfaces.edge_length / farthest).min(1.0);
         }
         // Long ways in pieces of an edge's length, so that the boxes of the ways do not meet everything.
         let n = ((farthest / self.surfaces.edge_length).ceil() as usize).clamp(1, MAX_PIECES);

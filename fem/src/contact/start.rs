@@ -1,7 +1,6 @@
 //! Is the start free of overlaps; where not, how deep, and how the mesh must change.
 
 use super::Contact;
-use super::ccd::KEPT;
 use super::closest::{Feature, feature, point_triangle};
 use super::surface::{Surface, Surfaces};
 use super::tree::{Aabb, Fitted};
@@ -34,9 +33,9 @@ impl std::fmt::Display for Overlap {
 }
 
 /// A collision point that is closer to another surface than wanted.
-struct Near {
-    point: u32,
-    triangle: u32,
+pub(super) struct Near {
+    pub(super) point: u32,
+    pub(super) triangle: u32,
     /// Weights of its closest point among the corners of the triangle.
     at: [f64; 3],
     /// Direction out of the other surface.
@@ -105,8 +104,10 @@ impl Contact {
     }
 
     /// Collision points closer than `least` to a surface that they may meet, or inside it.
-    fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
+    pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
         let all = &self.surfaces;
+        // Who is deeper than this has its surface crossed elsewhere, or is inside altogether, as its first point shows.
+        let view = least + VIEW * all.edge_length;
         let fitted: Vec<(Fitted, Aabb, Normals)> = all
             .list
             .par_iter()
@@ -117,11 +118,13 @@ impl Contact {
                 };
                 let whole = s.triangles.clone().fold(Aabb::empty(), |sum, t| sum.join(&box_of(t)));
                 let fitted = s.triangle_tree.fit(|t| box_of(s.triangles.start + t as usize));
-                (fitted, whole.grown(least), Normals::new(all, s.triangles.clone(), p))
+                (fitted, whole.grown(view), Normals::new(all, s, p))
             })
             .collect();
+        let first = |point: usize| all.list.iter().any(|s| s.samples.start == point);
         let find = |point: usize| -> Vec<Near> {
             let q = &p[point];
+            let within = if first(point) { f64::MAX.sqrt() } else { view };
             let mut found = Vec::new();
             for &other in &self.partners.of[all.surface(point as u32)] {
                 let (fitted, whole, normals) = &fitted[other];
@@ -133,7 +136,7 @@ impl Contact {
                     let t = (s.triangles.start + t as usize) as u32;
                     point_triangle(&self.triangle_points(point as u32, t, p)).squared()
                 };
-                let Some((t, d)) = s.triangle_tree.nearest(fitted, q, f64::MAX.sqrt(), squared) else {
+                let Some((t, d)) = s.triangle_tree.nearest(fitted, q, within, squared) else {
                     continue;
                 };
                 let triangle = (s.triangles.start + t as usize) as u32;
@@ -157,14 +160,30 @@ impl Contact {
     }
 
     /// Displacements \[m\] of the nodes at `x` that take all surfaces at least `gap` \[m\] apart, `gap` well above zero; nodes
-    /// for which `moves` is false stay. `None` where that cannot be reached.
-    pub fn part(&self, x: &[f64], gap: f64, moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
+    /// for which `moves` is false stay. Where that cannot be reached: (node, surface) of what stays too close.
+    pub fn part(
+        &self,
+        x: &[f64],
+        gap: f64,
+        moves: &dyn Fn(u32) -> bool,
+    ) -> Result<Vec<f64>, Vec<(u32, usize)>> {
         let mut now = x.to_vec();
-        for _ in 0..MAX_ROUNDS {
+        for round in 0.. {
             let p = self.surfaces.positions(&now);
             let near = self.near(&p, gap);
-            if near.is_empty() && self.least_distance(&now) > KEPT * gap && self.crossings(&p).is_empty() {
-                return Some(now.iter().zip(x).map(|(a, b)| a - b).collect());
+            let crossings =
+                if near.is_empty() || round == MAX_ROUNDS { self.crossings(&p) } else { Vec::new() };
+            if near.is_empty() && crossings.is_empty() {
+                break;
+            }
+            if near.is_empty() || round == MAX_ROUNDS {
+                let pairs = near.iter().map(|n| (vec![n.point], n.triangle));
+                let crossing =
+                    crossings.iter().map(|c| (self.surfaces.edges[c[0] as usize].points.to_vec(), c[1]));
+                return Err(pairs
+                    .chain(crossing)
+                    .flat_map(|(points, t)| self.nodes_of_pair(&points, t))
+                    .collect());
             }
             // Of all wishes of a node the greatest counts.
             let mut wish = BTreeMap::<u32, Vector3<f64>>::new();
@@ -196,7 +215,19 @@ impl Contact {
                 }
             }
         }
-        None
+        Ok(now.iter().zip(x).map(|(a, b)| a - b).collect())
+    }
+
+    /// The nodes of a point or edge with the surface of a triangle, and those of the triangle with the surface of the point.
+    fn nodes_of_pair(&self, points: &[u32], triangle: u32) -> Vec<(u32, usize)> {
+        let all = &self.surfaces;
+        let corners = all.triangles[triangle as usize];
+        let (mine, theirs) = (all.surface(points[0]), all.surface(corners[0]));
+        let nodes = |points: &[u32], other: usize| -> Vec<(u32, usize)> {
+            let parts = points.iter().flat_map(|&p| all.points[p as usize].parts());
+            parts.map(|(node, _)| (node, other)).collect()
+        };
+        [nodes(points, theirs), nodes(&corners, mine)].concat()
     }
 
     /// Least distance \[m\] of any pair within reach; the activation distance where there is none.
@@ -218,57 +249,66 @@ fn crosses(a: &Vector3<f64>, b: &Vector3<f64>, [p, q, r]: &[Vector3<f64>; 3]) ->
     sides.iter().all(|v| *v > 0.0) || sides.iter().all(|v| *v < 0.0)
 }
 
+/// How deep overlaps are measured, in edge lengths.
+const VIEW: f64 = 4.0;
 /// Rounds of parting the surfaces.
 const MAX_ROUNDS: usize = 60;
 
 /// Normals of triangles, edges and corners of one surface, by which a point is inside or outside: Bærentzen & Aanæs, Signed
 /// distance computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005).
 struct Normals {
-    triangles: BTreeMap<u32, Vector3<f64>>,
+    /// First triangle, edge and corner of the surface.
+    first: [usize; 3],
+    triangles: Vec<Vector3<f64>>,
     /// Sum over the triangles and their number; one triangle: the rim of an open surface.
-    edges: BTreeMap<u32, (Vector3<f64>, usize)>,
-    corners: BTreeMap<u32, Vector3<f64>>,
-    rim: std::collections::BTreeSet<u32>,
+    edges: Vec<(Vector3<f64>, usize)>,
+    /// Sum over the triangles, weighted by angle, and whether it is on the rim.
+    corners: Vec<(Vector3<f64>, bool)>,
 }
 
 impl Normals {
-    fn new(all: &Surfaces, triangles: std::ops::Range<usize>, p: &[Vector3<f64>]) -> Normals {
-        let (mut faces, mut edges, mut corners) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        for t in triangles {
+    fn new(all: &Surfaces, s: &Surface, p: &[Vector3<f64>]) -> Normals {
+        let first = [s.triangles.start, s.edges.start, s.samples.start];
+        let mut triangles = Vec::with_capacity(s.triangles.len());
+        let mut edges = vec![(Vector3::zeros(), 0); s.edges.len()];
+        let mut corners = vec![(Vector3::zeros(), false); s.samples.len()];
+        for t in s.triangles.clone() {
             let at = all.triangles[t].map(|c| p[c as usize]);
             let normal = (at[1] - at[0]).cross(&(at[2] - at[0])).normalize();
-            faces.insert(t as u32, normal);
+            triangles.push(normal);
             for e in all.triangle_edges[t] {
-                let edge = edges.entry(e).or_insert((Vector3::zeros(), 0));
+                let edge = &mut edges[e as usize - first[1]];
                 *edge = (edge.0 + normal, edge.1 + 1);
             }
             for c in 0..3 {
                 let (u, v) = (at[(c + 1) % 3] - at[c], at[(c + 2) % 3] - at[c]);
-                *corners.entry(all.triangles[t][c]).or_insert(Vector3::zeros()) += normal * u.angle(&v);
+                corners[all.triangles[t][c] as usize - first[2]].0 += normal * u.angle(&v);
             }
         }
-        let open = edges.iter().filter(|(_, (_, n))| *n == 1);
-        let rim = open.flat_map(|(e, _)| all.edges[*e as usize].points).collect();
-        Normals { triangles: faces, edges, corners, rim }
+        for (e, _) in edges.iter().enumerate().filter(|(_, (_, n))| *n == 1) {
+            all.edges[first[1] + e].points.iter().for_each(|&c| corners[c as usize - first[2]].1 = true);
+        }
+        Normals { first, triangles, edges, corners }
     }
 
     /// Unit normal of a feature of a triangle; `None` on the rim of an open surface, where no side is inside.
     fn of(&self, all: &Surfaces, triangle: u32, which: Feature) -> Option<Vector3<f64>> {
+        let t = triangle as usize;
         let normal = match which {
-            Feature::Face => self.triangles[&triangle],
+            Feature::Face => self.triangles[t - self.first[0]],
             Feature::Edge(e) => {
-                let (sum, n) = self.edges[&all.triangle_edges[triangle as usize][e as usize]];
+                let (sum, n) = self.edges[all.triangle_edges[t][e as usize] as usize - self.first[1]];
                 if n == 1 {
                     return None;
                 }
                 sum
             }
             Feature::Vertex(v) => {
-                let corner = all.triangles[triangle as usize][v as usize];
-                if self.rim.contains(&corner) {
+                let (sum, rim) = self.corners[all.triangles[t][v as usize] as usize - self.first[2]];
+                if rim {
                     return None;
                 }
-                self.corners[&corner]
+                sum
             }
         };
         Some(normal.normalize())

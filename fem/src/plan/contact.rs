@@ -22,6 +22,8 @@ pub struct ContactPlan {
     spacing: Option<f64>,
     attachment: f64,
     repair: f64,
+    /// (node, surface) that take no notice of each other because they overlap and cannot be parted.
+    ignored: Vec<(u32, usize)>,
 }
 
 /// What was changed in the mesh so that no surfaces overlap or touch at the start.
@@ -33,6 +35,8 @@ pub struct Repair {
     pub n_nodes: usize,
     /// The farthest that a node moved \[m\].
     pub farthest: f64,
+    /// Nodes at overlaps that could not be parted (near ties): their cells take no notice of the other surface.
+    pub n_ignored: usize,
 }
 
 /// A surface that takes part.
@@ -103,7 +107,16 @@ pub fn contact(
     pairs.dedup();
     let ContactSpec { mode, distance, spacing, attachment, repair, .. } = *spec;
     let mode = if mode == ContactMode::Cheap { Mode::Cheap } else { Mode::Guarded };
-    Ok(Some(ContactPlan { surfaces, pairs, mode, distance, spacing, attachment, repair }))
+    Ok(Some(ContactPlan {
+        surfaces,
+        pairs,
+        mode,
+        distance,
+        spacing,
+        attachment,
+        repair,
+        ignored: Vec::new(),
+    }))
 }
 
 fn surface(
@@ -183,17 +196,19 @@ const TOUCH: f64 = 0.1;
 /// Numbers of what nodes move with that no body has.
 const HELD: u32 = u32::MAX - 2;
 const CONTROLLED: u32 = u32::MAX - 1;
+/// Rounds in which what cannot be parted is left out.
+const MAX_TRIES: usize = 8;
 /// Sweeps that carry the displacement of the surfaces into the solids.
 const SWEEPS: usize = 40;
 
 impl ContactPlan {
     /// Refuses overlaps in the mesh deeper than may be mended; moves its nodes apart where others overlap or touch.
-    pub fn mend(&self, mesh: &mut Mesh, motion: &[[Motion; 3]]) -> Result<Repair, SceneError> {
+    pub fn mend(&mut self, mesh: &mut Mesh, motion: &[[Motion; 3]]) -> Result<Repair, SceneError> {
         if self.mode == Mode::Cheap {
             return Ok(Repair::default()); // an overlap is a penetration like any other
         }
         let members: Vec<usize> = (0..self.surfaces.len()).collect();
-        let Some(contact) = self.part(&members, |n| n, &mesh.points, motion) else {
+        let Some(contact) = self.part(&members, Some, &mesh.points, motion) else {
             return Ok(Repair::default());
         };
         let x = mesh.points.as_flattened().to_vec();
@@ -208,9 +223,20 @@ impl ContactPlan {
         }
         // Nodes that are prescribed stay where they are; on a roller they may slide.
         let moves = |n: u32| motion[n as usize].iter().any(|m| matches!(m, Motion::Free));
-        let Some(u) = contact.part(&x, gap, &moves) else {
-            return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+        let mut tries = 0;
+        let u = loop {
+            let contact = self.part(&members, Some, &mesh.points, motion).expect("there was contact before");
+            match contact.part(&x, gap, &moves) {
+                Ok(u) => break u,
+                Err(_) if self.repair == 0.0 || tries == MAX_TRIES => {
+                    return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+                }
+                Err(stuck) => self.ignored.extend(stuck),
+            }
+            tries += 1;
         };
+        self.ignored.sort_unstable();
+        self.ignored.dedup();
         let mut u: Vec<[f64; 3]> = u.as_chunks::<3>().0.to_vec();
         let farthest = u.iter().map(|u| u.iter().map(|c| c * c).sum::<f64>()).fold(0.0, f64::max).sqrt();
         let n_nodes = u.iter().filter(|u| **u != [0.0; 3]).count();
@@ -219,7 +245,7 @@ impl ContactPlan {
             (0..3).for_each(|c| p[c] += u[c]);
         }
         mesh.check()?;
-        Ok(Repair { overlaps, n_nodes, farthest })
+        Ok(Repair { overlaps, n_nodes, farthest, n_ignored: self.ignored.len() })
     }
 
     /// Inner nodes follow the mean of their neighbours (Jacobi's method for Laplace's equation).
@@ -247,7 +273,7 @@ impl ContactPlan {
     pub fn part(
         &self,
         members: &[usize],
-        local: impl Fn(u32) -> u32,
+        local: impl Fn(u32) -> Option<u32>,
         points: &[[f64; 3]],
         motion: &[[Motion; 3]],
     ) -> Option<Contact> {
@@ -262,7 +288,11 @@ impl ContactPlan {
             let finest = partners.map(|&p| self.surfaces[members[p]].edge).fold(surface.edge, f64::min);
             SurfaceInput {
                 name: surface.name.clone(),
-                faces: surface.faces.iter().map(|f| f.map(&local)).collect(),
+                faces: surface
+                    .faces
+                    .iter()
+                    .map(|f| f.map(|n| local(n).expect("a node of a surface is in its island")))
+                    .collect(),
                 stiffness: surface.stiffness,
                 spacing: self.spacing.unwrap_or(finest),
             }
@@ -289,11 +319,20 @@ impl ContactPlan {
         &self,
         members: &[usize],
         pairs: &[[usize; 2]],
-        local: impl Fn(u32) -> u32,
+        local: impl Fn(u32) -> Option<u32>,
         points: &[[f64; 3]],
         motion: &[[Motion; 3]],
     ) -> Vec<(u32, usize)> {
-        let mut muted = Vec::new();
+        let mut muted: Vec<(u32, usize)> = Vec::new();
+        for (node, surface) in &self.ignored {
+            // Of this island: one whose surface is among the members.
+            if let Ok(m) = members.binary_search(surface)
+                && let Some(node) = local(*node)
+            {
+                muted.push((node, m));
+            }
+        }
+        let local = |n: u32| local(n).expect("a node of a surface is in its island");
         for &[a, b] in pairs {
             for (soft, rigid) in [(a, b), (b, a)] {
                 let Some(body) = self.surfaces[members[rigid]].body else { continue };

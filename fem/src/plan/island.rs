@@ -4,7 +4,7 @@
 //! master node (a rigid plane) are eliminated too, by moving their rows and columns onto the master's.
 
 use crate::body::{Pose, interpolate};
-use crate::contact::{Contact, Mode};
+use crate::contact::Contact;
 use crate::effect::{Effect, NO_NODE, Part, State};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
 use rayon::prelude::*;
@@ -489,8 +489,8 @@ impl Potential for LoadedIsland {
 
     fn touching(&self, x: &[f64]) -> Vec<f64> {
         match &self.island.contact {
-            Some(contact) if contact.mode == Mode::Guarded => self.expand(x),
-            _ => Vec::new(),
+            Some(_) => self.expand(x),
+            None => Vec::new(),
         }
     }
 

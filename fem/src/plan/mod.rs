@@ -146,8 +146,8 @@ fn contact(scene: &Scene, mesh: &mut Mesh) -> Result<(Option<ContactPlan>, Repai
     }
     // Numbered anew: which control moves what does not matter here.
     let motion = motion::motions(scene, mesh, &mut Names::default())?;
-    let contact = contact::contact(scene, mesh, &motion)?;
-    let repair = contact.as_ref().map(|c| c.mend(mesh, &motion)).transpose()?.unwrap_or_default();
+    let mut contact = contact::contact(scene, mesh, &motion)?;
+    let repair = contact.as_mut().map(|c| c.mend(mesh, &motion)).transpose()?.unwrap_or_default();
     Ok((contact, repair))
 }
 
@@ -369,7 +369,9 @@ fn island(
     let (name, motion) = (name.cloned().unwrap_or_default(), motion.collect());
     let X = points.as_flattened().to_vec();
     let motion: Vec<[Motion; 3]> = motion;
-    let contact = contact.and_then(|(plan, members)| plan.part(members, local, &points, &motion));
+    let contact = contact.and_then(|(plan, members)| {
+        plan.part(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
+    });
     let mut island = Island::new(name, nodes, X, effects, cells, motion, pivots.clone(), n_controls);
     island.contact = contact;
     Ok(island)

@@ -105,6 +105,9 @@ impl Run<'_> {
                 // Bodies turn, so the shorter way is another one and is checked again.
                 length *= if free < 1.0 { (0.9 * free).max(1e-3) } else { 0.5 };
                 if length < LEAST_CARRY {
+                    if free < 1.0 && self.carry_alone(potential, x, &places, target, &mut trial) {
+                        return Ok(target);
+                    }
                     potential.set_load(t, x);
                     if t > first && !places.is_empty() {
                         return Ok(t);
@@ -122,5 +125,24 @@ impl Run<'_> {
             return Ok(t);
         }
         Err(self.failure(potential, x, Reason::Inversion, MAX_CARRIES, &g))
+    }
+
+    /// Moves the load to `target` and nothing else, where that touches nothing: a part that only contact will hold has no
+    /// place to be carried to. Returns whether it did.
+    fn carry_alone(
+        &self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        places: &[f64],
+        target: f64,
+        trial: &mut [f64],
+    ) -> bool {
+        trial.copy_from_slice(x);
+        potential.set_load(target, trial);
+        let works = potential.energy(trial).is_finite() && potential.free_share(places, trial) >= 1.0;
+        if works {
+            x.copy_from_slice(trial);
+        }
+        works
     }
 }
