@@ -169,3 +169,36 @@ fn the_published_residuals_of_subject_dm_are_met() {
         assert!((rms - published).abs() < 0.2, "{rms:.2} mm instead of {published}");
     }
 }
+
+#[test]
+fn mesh_writes_its_files_and_refuses_what_is_no_thigh() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["mesh", "--resolution", "12", "--only", "gracilis,sartorius", "--threads"];
+    let run = |threads: &str, out: &str| {
+        let output = sartorius(&[&arguments[..], &[threads, "--out", out]].concat(), folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
+        folder.path().join(out)
+    };
+    let (one, two) = (run("1", "one"), run("2", "two"));
+    for file in ["thigh.vtu", "thigh.inp", "quality.csv", "bone_crossings.csv", "report.html"] {
+        assert!(fs::read(one.join(file)).unwrap() == fs::read(two.join(file)).unwrap(), "{file} differs");
+    }
+    let table = fs::read_to_string(one.join("quality.csv")).unwrap();
+    assert_eq!(table.lines().count(), 3);
+    let mesh = fem::mesh::Mesh::read(&one.join("thigh.inp"), fem::mesh::LengthUnit::Metre).unwrap();
+    mesh.check().unwrap();
+    let vtu = fem::mesh::Mesh::read(&one.join("thigh.vtu"), fem::mesh::LengthUnit::Metre).unwrap();
+    assert!(mesh.points == vtu.points && mesh.blocks == vtu.blocks && mesh.node_sets == vtu.node_sets);
+    assert_eq!(mesh.surface("gracilis/surface").unwrap().len() % 2, 0);
+
+    for (arguments, words) in [
+        (vec!["mesh", "--resolution", "0"], "--resolution is 0 mm; give 1.5 to 20 mm"),
+        (vec!["mesh", "--only", "soleus"], "`soleus`"),
+        (vec!["mesh", "absent.csv"], "absent.csv"),
+    ] {
+        let output = sartorius(&arguments, folder.path());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+    }
+    assert!(!folder.path().join("out").exists(), "bad input left files");
+}

@@ -2,11 +2,17 @@
 
 use std::path::Path;
 
+use fem::mesh::MeshError;
+use fem::mesh::muscle::scale::{SegmentFrame, SegmentMap, map_sections};
+use fem::mesh::muscle::smooth::{Plane, Smoother};
 use fem::mesh::muscle::{self, Bone, Loft, MuscleSections, grid};
+use nalgebra::Vector3;
+use support::{Random, taylor_order};
+
+const SECTIONS: &str = include_str!("../gait-data/thigh/muscle_sections.csv");
 
 fn sections() -> Vec<MuscleSections> {
-    let text = include_str!("../gait-data/thigh/muscle_sections.csv");
-    MuscleSections::read_csv(text, Path::new("muscle_sections.csv")).unwrap()
+    MuscleSections::read_csv(SECTIONS, Path::new("muscle_sections.csv")).unwrap()
 }
 
 fn bones() -> Vec<Bone> {
@@ -92,4 +98,205 @@ fn a_block_is_what_its_mesh_says() {
             }
         }
     }
+}
+
+#[test]
+fn the_objective_of_smoothing_has_its_gradient() {
+    let sections = sections();
+    let muscle = sections.iter().find(|m| m.name == "adductor_magnus").unwrap(); // starts with inverted cells
+    let loft = Loft::new(muscle);
+    let mut random = Random::new(4);
+    for (kind, k) in
+        [(grid::SectionKind::rings(muscle, 12e-3), 3.0), (grid::SectionKind::plain(muscle, 12e-3), 20.0)]
+    {
+        let block = grid::fill(&muscle.name, &loft, &kind.grid(), grid::layers(muscle, 12e-3, 0.95));
+        let volume = 1.02 * block.volume();
+        let mut smoother = Smoother::new(block, loft.clone(), volume);
+        smoother.anchored = true;
+        smoother.smooth(k, 1); // sets the anchors
+        let x: Vec<Vector3<f64>> = smoother.block.points.iter().map(|p| Vector3::from(*p)).collect();
+        let first = smoother.block.side_faces()[7];
+        let normal = Vector3::new(0.6, 0.0, 0.8);
+        let nodes = [first[0], first[1], first[2]];
+        let weights = [0.2, 0.5, 0.3];
+        let at: Vector3<f64> = (0..3).map(|i| x[nodes[i] as usize] * weights[i]).sum();
+        smoother.planes.push(Plane { nodes, weights, normal, offset: normal.dot(&at) - 0.3e-3 });
+        let moves: Vec<Vector3<f64>> = x.iter().map(|_| random.vector(1e-4)).collect();
+        let there: Vec<Vector3<f64>> = x.iter().zip(&moves).map(|(x, d)| x + d * 0.5).collect();
+        let mut gradient = vec![Vector3::zeros(); x.len()];
+        smoother.objective(&there, k, &mut gradient);
+        let slope: f64 = gradient.iter().zip(&moves).map(|(g, d)| g.dot(d)).sum();
+        let smoother = std::cell::RefCell::new(smoother);
+        let order = taylor_order(
+            |h| {
+                let moved: Vec<Vector3<f64>> = there.iter().zip(&moves).map(|(x, d)| x + d * h).collect();
+                smoother.borrow_mut().objective(&moved, k, &mut vec![Vector3::zeros(); moved.len()])
+            },
+            slope,
+            1e-3,
+        );
+        assert!(order > 1.9, "{kind:?}: order {order}");
+    }
+}
+
+#[test]
+fn a_bad_table_of_sections_is_refused_with_its_line() {
+    let lines: Vec<&str> = SECTIONS.lines().collect();
+    let header: Vec<&str> = lines[0].split(',').collect();
+    let column = |name: &str| header.iter().position(|h| *h == name).unwrap();
+    // The table with some cells of one line replaced; line 3 is the second section of the first muscle.
+    let with = |line: usize, cells: &[(&str, &str)]| {
+        let mut table: Vec<String> = lines.iter().map(|l| l.to_string()).collect();
+        let mut row: Vec<String> = table[line - 1].split(',').map(str::to_string).collect();
+        for (name, value) in cells {
+            row[column(name)] = value.to_string();
+        }
+        table[line - 1] = row.join(",");
+        table.join("\n")
+    };
+    let scaled = |factor: f64| {
+        let rows = lines[1..].iter().map(|line| {
+            let cells = line.split(',').zip(&header).map(|(cell, name)| {
+                let length = matches!(name.as_bytes()[0], b'c' | b'u' | b'w')
+                    || (name.starts_with('v') && name.len() <= 3);
+                if length { (cell.parse::<f64>().unwrap() * factor).to_string() } else { cell.to_string() }
+            });
+            cells.collect::<Vec<_>>().join(",")
+        });
+        [lines[0].to_string()].into_iter().chain(rows).collect::<Vec<_>>().join("\n")
+    };
+    let swapped = {
+        let mut table = lines.clone();
+        table.swap(2, 3);
+        table.join("\n")
+    };
+    let twice = [&lines[..], &lines[1..12]].concat().join("\n");
+    let cases: Vec<(String, usize, &str)> = vec![
+        (with(3, &[("cx", "abc")]), 3, "cx is `abc`"),
+        (with(3, &[("u7", "NaN")]), 3, "u7 is `NaN`"),
+        (with(3, &[("nx", "0.9"), ("ny", "0.9")]), 3, "has length"),
+        (with(3, &[("ax", "0.2124"), ("ay", "-0.4980"), ("az", "0.8408")]), 3, "not orthogonal"),
+        (with(3, &[("s", "0.2")]), 4, "not above that of the section before"),
+        (with(2, &[("s", "0.01")]), 2, "runs from 0"),
+        (with(3, &[("u1", "73.1"), ("v1", "20.1"), ("w1", "0.0")]), 3, "boundary points 0 and 1 coincide"),
+        (with(3, &[("u3", "9.5"), ("v3", "-17.2"), ("u10", "-22.4"), ("v10", "10.4")]), 3, "crosses itself"),
+        (with(3, &[("cx", "-75.3"), ("cy", "35.4"), ("cz", "-62.2")]), 3, "the sections cross"),
+        (with(2, &[("muscle", "")]), 2, "no name"),
+        (lines[0].to_string(), 1, "no sections"),
+        (lines[..2].join("\n"), 2, "at least two"),
+        (SECTIONS.replacen(",w13,", ",q13,", 1), 1, "column `w13` is missing"),
+        (swapped, 3, "list each muscle once, its stations in order"),
+        (twice, lines.len() + 1, "appears a second time"),
+        (scaled(1000.0), 2, "lengths of the table are in mm"), // a thigh of 400 m
+        (scaled(0.001), 2, "lengths of the table are in mm"),
+        (lines[..40].join("\n") + "\nrow,with,too,few", 41, "not a row"),
+    ];
+    for (text, line, words) in cases {
+        match MuscleSections::read_csv(&text, Path::new("sections.csv")) {
+            Ok(_) => panic!("accepted, expected: {words}"),
+            Err(error @ MeshError::Format { .. }) => {
+                let message = error.to_string();
+                assert!(
+                    message.contains(words) && message.contains(&format!("line {line}:")),
+                    "{message} ({words})"
+                );
+                assert!(message.contains("sections.csv"), "{message}");
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
+#[test]
+fn a_bad_table_of_bones_is_refused() {
+    let text = include_str!("../gait-data/thigh/bone_sections.csv");
+    let flipped = text.replacen("hip_bone,f,0,", "hip_bone,f,0,,", 1);
+    for (text, words) in [
+        (flipped, "line 262"),
+        (text.replacen("hip_bone,v,1,", "hip_bone,v,7,", 1), "index 7 where 1 was expected"),
+        (text.replacen("patella,v,0,", "patella,v,0,x", 1), "not a finite number"),
+        (text.replacen("bone,item", "bone,itme", 1), "columns must be"),
+        (
+            text.lines().filter(|l| !l.starts_with("tibia,f,0,")).collect::<Vec<_>>().join("\n"),
+            "index 1 where 0",
+        ),
+    ] {
+        let message = Bone::read_csv(&text, Path::new("bones.csv")).unwrap_err().to_string();
+        assert!(message.contains(words) && message.contains("bones.csv"), "{message} ({words})");
+    }
+    // A triangle missing at the end leaves a hole.
+    let lines: Vec<&str> = text.lines().collect();
+    let last = lines.iter().rposition(|l| l.starts_with("femur,f,")).unwrap();
+    let open = [&lines[..last], &lines[last + 1..]].concat().join("\n");
+    let message = Bone::read_csv(&open, Path::new("bones.csv")).unwrap_err().to_string();
+    assert!(message.contains("`femur`"), "{message}");
+}
+
+#[test]
+fn meshes_are_the_same_on_any_number_of_threads() {
+    let (sections, bones) = (sections(), bones());
+    let quadriceps: Vec<_> =
+        sections.into_iter().filter(|m| m.name.starts_with("vastus") || m.name == "rectus_femoris").collect();
+    let build = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| muscle::build(&quadriceps, &bones, 10e-3))
+    };
+    let (one, two) = (build(1), build(2));
+    assert!(one.rounds > 0);
+    for (a, b) in one.muscles.iter().zip(&two.muscles) {
+        let bits = |m: &muscle::MuscleResult| -> Vec<u64> {
+            m.block.points.iter().flatten().map(|x| x.to_bits()).collect()
+        };
+        assert!(bits(a) == bits(b), "{}", a.block.name);
+    }
+    assert!(one == two);
+}
+
+#[test]
+fn scaling_carries_a_muscle_with_its_segments() {
+    let text = include_str!("../gait-data/thigh/limb_frames.csv");
+    let frames = SegmentFrame::read_csv(text, Path::new("limb_frames.csv")).unwrap();
+    let frame = |name: &str| frames.iter().find(|f| f.segment == name).unwrap();
+    let sections = sections();
+    let muscle = sections.iter().find(|m| m.name == "rectus_femoris").unwrap();
+    let (hip, knee) = (frame("thigh").origin, frame("shank").origin);
+    let chain = |factors: [Vector3<f64>; 3], knee_to: Vector3<f64>| {
+        let map = |name: &str, to: Vector3<f64>, k| SegmentMap::new(frame(name), to, frame(name).axes, k);
+        [
+            map("pelvis", frame("pelvis").origin, factors[0]),
+            map("thigh", hip, factors[1]),
+            map("shank_knee_aligned", knee_to, factors[2]),
+        ]
+    };
+    let one = Vector3::repeat(1.0);
+    // Nothing scaled: the same muscle.
+    let same = map_sections(muscle, &chain([one; 3], knee), &[hip, knee]);
+    for (a, b) in same.stations.iter().zip(&muscle.stations) {
+        // s of the table is rounded to four decimals, centres to 0.1 mm.
+        assert!((a.centre - b.centre).norm() < 1e-6 && (a.s - b.s).abs() < 5e-4, "{} {}", a.s, b.s);
+        assert!(a.normal.dot(&b.normal) > 0.99, "{}", a.normal.dot(&b.normal));
+    }
+    // All scaled by 1.1 about the hip: volume by 1.1³.
+    let all = SegmentMap { linear: nalgebra::Matrix3::identity() * 1.1, from: hip, to: hip };
+    let large = map_sections(muscle, &[all.clone(), all.clone(), all], &[hip, knee]);
+    large.check().unwrap();
+    let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+    assert!((volume(&large) / volume(muscle) - 1.331).abs() < 1e-3);
+    // A longer thigh: the origin stays on the pelvis, the end follows the knee, the belly is stretched.
+    let k = 1.08;
+    let axes = frame("thigh").axes;
+    let long = Vector3::new(1.0, k, 1.0);
+    let knee_to = hip + axes * (axes.transpose() * (knee - hip)).component_mul(&long);
+    let longer = map_sections(muscle, &chain([one, long, one], knee_to), &[hip, knee]);
+    longer.check().unwrap();
+    let (first, last) = (&longer.stations[0], longer.stations.last().unwrap());
+    assert!((first.centre - muscle.stations[0].centre).norm() < 1e-6);
+    let end = muscle.stations.last().unwrap().centre;
+    assert!((last.centre - (end + knee_to - knee)).norm() < 1e-4);
+    assert!(volume(&longer) / volume(muscle) > 1.05);
+    // A muscle that arises below the hip centre still begins on the pelvis.
+    let adductor = sections.iter().find(|m| m.name == "adductor_longus").unwrap();
+    let maps = &chain([one, long, one], knee_to)[..2];
+    let moved = map_sections(adductor, maps, &[hip]);
+    assert!((moved.stations[0].centre - adductor.stations[0].centre).norm() < 1e-6);
 }

@@ -42,7 +42,7 @@ const SCALE: f64 = 1500.0;
 /// Pixels per m of a section.
 const SECTION_SCALE: f64 = 3600.0;
 /// Margin around a picture in pixels.
-const MARGIN: f64 = 8.0;
+const MARGIN: f64 = 40.0;
 
 /// Colour of muscle `i` as hue, saturation and lightness: neighbours in the list differ by the golden angle.
 fn colour(i: usize, light: f64) -> String {
@@ -98,8 +98,12 @@ pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], view: View) -> String {
         }
     }
     faces.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let points = || faces.iter().flat_map(|f| f.1.iter().copied());
-    let frame = Frame::around(points(), SCALE);
+    // The frame holds the muscles; bones that reach farther down are cut off.
+    let points = muscles.iter().flat_map(|m| &m.points).map(|p| {
+        let p = Vector3::from(*p);
+        [p.dot(&right), -p.dot(&up)]
+    });
+    let frame = Frame::around(points, SCALE);
     let mut out = frame.open(match view {
         View::Front => "front view",
         View::Side => "view from the right",

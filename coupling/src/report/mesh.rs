@@ -6,7 +6,7 @@ use fem::mesh::muscle::{Bone, Built, GOALS, MuscleBlock};
 use serde::Serialize;
 
 use super::anatomy::{self, View};
-use super::page::{document, grid, label_table, section, table};
+use super::page::{document, label_table, section, table};
 use super::svg::{escape, fixed};
 
 /// Where the section is drawn: the middle between hip and knee centre of the built-in thigh \[m\].
@@ -151,7 +151,8 @@ fn pictures(report: &MeshReport) -> String {
         &format!("Section at y = {} mm, seen from above; the front is at the top", fixed(MID_THIGH * 1e3, 0)),
         anatomy::section(&muscles, report.bones, MID_THIGH),
     );
-    let content = [anatomy::legend(&muscles), grid("normal", &views), grid("half", &[cut])].concat();
+    let row = format!("<div class=\"views\">\n{}\n{cut}</div>\n", views.join("\n"));
+    let content = [anatomy::legend(&muscles), row].concat();
     section("Pictures", "Every face and every cut cell of the mesh is drawn.", &content)
 }
 

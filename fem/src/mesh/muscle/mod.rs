@@ -11,6 +11,7 @@ pub mod from_surface;
 pub mod grid;
 mod lbfgs;
 mod loft;
+pub mod scale;
 mod sections;
 mod separate;
 mod shape;
