@@ -85,6 +85,10 @@ impl SegmentFrame {
             if !(error <= UNIT_TOLERANCE && axes.determinant() > 0.0) {
                 return Err(bad(line, format!("the axes of `{segment}` are no right-handed frame")));
             }
+            // Rounded in the table: made orthonormal again, the long axis Y kept.
+            let (x, y) = (axes.column(0), axes.column(1).normalize());
+            let x = (x - y * y.dot(&x)).normalize();
+            let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
             let distal =
                 if cell("Dx")?.is_empty() { None } else { Some(vector(["Dx", "Dy", "Dz"])? / 1000.0) };
             frames.push(SegmentFrame { segment, origin: vector(["Px", "Py", "Pz"])? / 1000.0, distal, axes });
