@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::grid::{self, SectionKind};
+use super::grid::{self, Coarser, SectionKind};
 use super::separate::{Planes, Skin, planes};
 use super::smooth::Smoother;
 use super::{Bone, Loft, MuscleBlock, MuscleSections, N_OUTLINE, to_mesh};
@@ -38,15 +38,20 @@ pub const GOALS: Goals = Goals {
 
 /// Smoothing before the muscles see each other: sharpness and steps of each round.
 const ALONE: [(f64, usize); 5] = [(3.0, 40), (6.0, 40), (12.0, 40), (20.0, 40), (20.0, 60)];
+/// The same after a start from a coarser mesh, which meshes with edges shorter than this have \[m\].
+const REFINED: [(f64, usize); 2] = [(12.0, 40), (20.0, 60)];
+const FINE: f64 = 4.5e-3;
 /// Sharpness and steps of a round of smoothing among neighbours, and how many at most.
 const TOGETHER: (f64, usize) = (20.0, 30);
-const MOST_ROUNDS: usize = 30;
+const MOST_ROUNDS: usize = 12;
 /// Rounds after which surface nodes are anchored.
 const SLIDING_ROUNDS: usize = 3;
 /// Triangles closer than this are kept in view \[m\].
 const VIEW: f64 = 0.8e-3;
 /// Distance aimed at, in goals: springs give a little.
 const AIM: f64 = 1.3;
+/// Distance of a muscle, but for its end layers, to the bones that ends the rounds early \[m\].
+const BONE_GAP: f64 = 0.05e-3;
 /// The last interval is cut where a border advances more than this share of the muscle's length in it, and more than this many times
 /// as far as another: its cells would be slivers.
 const MOST_ADVANCE: f64 = 0.25;
@@ -162,8 +167,8 @@ pub fn build(sections: &[MuscleSections], bones: &[Bone], edge: f64) -> Built {
         .collect();
     let mut rounds = 0;
     while rounds < MOST_ROUNDS {
-        let least = meet(&mut muscles, &skins, &bone_skins);
-        if least >= GOALS.gap {
+        let [to_muscles, to_bones] = meet(&mut muscles, &skins, &bone_skins);
+        if to_muscles >= GOALS.gap && to_bones >= BONE_GAP {
             break;
         }
         muscles.par_iter_mut().for_each(|(m, _)| {
@@ -220,30 +225,44 @@ pub fn loft_volume(loft: &Loft, s_end: f64) -> f64 {
     grid::fill("", loft, &fine, (0..=LAYERS).map(|i| s_end * i as f64 / LAYERS as f64).collect()).volume()
 }
 
-/// One muscle by itself: with rings, or plain where rings do not reach the goals and plain is better.
+/// One muscle by itself: with rings, or plain where rings do not reach the goals and plain is better. Fine meshes start from a
+/// coarser one, which has untangled the cells and placed the nodes for little.
 fn mesh_alone(sections: &MuscleSections, edge: f64) -> (Smoother, SectionKind) {
     let loft = Loft::new(sections);
     let s_end = mesh_end(sections);
     let volume = loft_volume(&loft, s_end);
-    let attempt = |kind: SectionKind| {
+    let unsmoothed = |kind: SectionKind| {
         let block = grid::fill(&sections.name, &loft, &kind.grid(), grid::layers(sections, edge, s_end));
-        let mut smoother = Smoother::new(block, loft.clone(), volume);
-        for (k, steps) in ALONE {
+        Smoother::new(block, loft.clone(), volume)
+    };
+    let smoothed = |mut smoother: Smoother, schedule: &[(f64, usize)]| {
+        for &(k, steps) in schedule {
             smoother.smooth(k, steps);
         }
         let mesh = to_mesh(std::slice::from_ref(&smoother.block));
         let quality = mesh.quality(&mesh.blocks[0]).expect("a muscle has cells");
         (smoother, quality)
     };
+    if edge < FINE {
+        let (coarse, coarse_kind) = mesh_alone(sections, 2.0 * edge);
+        let kind = match coarse_kind {
+            SectionKind::Rings { .. } => SectionKind::rings(sections, edge),
+            SectionKind::Plain { .. } => SectionKind::plain(sections, edge),
+        };
+        let map = Coarser::new(coarse_kind, kind).expect("kinds are the same");
+        let mut fine = unsmoothed(kind);
+        fine.start_from(&coarse, &map);
+        return (smoothed(fine, &REFINED).0, kind);
+    }
     let kind = SectionKind::rings(sections, edge);
-    let (rings, quality) = attempt(kind);
+    let (rings, quality) = smoothed(unsmoothed(kind), &ALONE);
     let good = quality.least_scaled_jacobian >= GOALS.least_scaled_jacobian
         && quality.mean_scaled_jacobian >= GOALS.mean_scaled_jacobian;
     if good {
         return (rings, kind);
     }
     let plain_kind = SectionKind::plain(sections, edge);
-    let (plain, plain_quality) = attempt(plain_kind);
+    let (plain, plain_quality) = smoothed(unsmoothed(plain_kind), &ALONE);
     if plain_quality.least_scaled_jacobian > quality.least_scaled_jacobian {
         (plain, plain_kind)
     } else {
@@ -267,9 +286,9 @@ fn near_pairs(skins: &[Skin], bones: &[Skin]) -> (Vec<[usize; 2]>, Vec<[usize; 2
     (between, to_bone)
 }
 
-/// Gives every muscle the planes of its neighbours, and returns the least distance to one \[m\] (at most the view): between two
-/// muscles, or from a muscle but for its end layers to a bone.
-fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skin], bones: &[Skin]) -> f64 {
+/// Gives every muscle the planes of its neighbours, and returns the least distances \[m\] (at most the view) between two muscles,
+/// and from a muscle but for its end layers to a bone.
+fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skin], bones: &[Skin]) -> [f64; 2] {
     let (between, to_bone) = near_pairs(skins, bones);
     let aim = AIM * GOALS.gap;
     let of_muscles: Vec<(Planes, f64)> = between
@@ -290,20 +309,20 @@ fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skin], bones: &[Skin])
         })
         .collect();
     muscles.iter_mut().for_each(|(m, _)| m.planes.clear());
-    let mut least = VIEW;
+    let (mut to_muscles, mut to_bones) = (VIEW, VIEW);
     for ([i, j], (planes, distance)) in between.into_iter().zip(of_muscles) {
         muscles[i].0.planes.extend(planes.a);
         muscles[j].0.planes.extend(planes.b);
-        least = least.min(distance);
+        to_muscles = to_muscles.min(distance);
     }
     for ([i, _], (planes, distance)) in to_bone.into_iter().zip(of_bones) {
         // Attached ends may reach into their bone.
         let m = &mut muscles[i].0;
         let free: Vec<_> = planes.a.into_iter().filter(|p| !p.nodes.iter().any(|&n| m.is_end(n))).collect();
         m.planes.extend(free);
-        least = least.min(distance);
+        to_bones = to_bones.min(distance);
     }
-    least
+    [to_muscles, to_bones]
 }
 
 /// Least distance of every muscle to another \[m\], and which.

@@ -93,6 +93,14 @@ impl SectionKind {
         SectionKind::Plain { across: cells(width, LEAST_PLAIN[0]), through: cells(thickness, LEAST_PLAIN[1]) }
     }
 
+    /// Cells of the core across and through, and rings.
+    fn divisions(self) -> [usize; 3] {
+        match self {
+            SectionKind::Plain { across, through } => [across, through, 0],
+            SectionKind::Rings { across, through, rings } => [across, through, rings],
+        }
+    }
+
     /// The grid of this kind.
     pub fn grid(self) -> SectionGrid {
         match self {
@@ -185,4 +193,87 @@ pub fn fill(name: &str, loft: &Loft, grid: &SectionGrid, s: Vec<f64>) -> MuscleB
         outline_parameter: grid.outline_parameter.clone(),
         s,
     }
+}
+
+/// Where a place of a finer grid lies in a coarser one of the same kind: outline nodes by their number.
+#[derive(Clone, Copy, Debug)]
+pub struct Coarser {
+    /// Divisions of the coarse grid: core across, core through, rings.
+    from: [usize; 3],
+    /// Of the fine grid.
+    to: [usize; 3],
+}
+
+impl Coarser {
+    /// From the coarse kind to the fine one; `None` for different kinds.
+    pub fn new(from: SectionKind, to: SectionKind) -> Option<Coarser> {
+        let same = matches!(from, SectionKind::Plain { .. }) == matches!(to, SectionKind::Plain { .. });
+        same.then(|| Coarser { from: from.divisions(), to: to.divisions() })
+    }
+
+    /// Place on the coarse outline, counted in its nodes, of place `k` on the fine one.
+    pub fn outline(&self, k: f64) -> f64 {
+        let ([n, m, _], [fine_n, fine_m, _]) = (self.from, self.to);
+        let sides = [(n, fine_n), (m, fine_m), (n, fine_n), (m, fine_m)];
+        let (mut start, mut fine_start) = (0.0, 0.0);
+        for (coarse, fine) in sides.map(|(a, b)| (a as f64, b as f64)) {
+            if k < fine_start + fine {
+                return start + (k - fine_start) / fine * coarse;
+            }
+            (start, fine_start) = (start + coarse, fine_start + fine);
+        }
+        start
+    }
+
+    /// Node positions of the fine mesh by linear interpolation in the coarse one \[m\]; `n_layers` of the fine mesh.
+    pub fn points(&self, coarse: &MuscleBlock, n_layers: usize) -> Vec<[f64; 3]> {
+        let ([n, m, rings], [fine_n, fine_m, fine_rings]) = (self.from, self.to);
+        let around = 2 * (n + m);
+        let rim = core(n, m, 0).outline;
+        let in_layer = |layer: usize| {
+            let core_at = |u: f64, v: f64| {
+                let ((i, a), (j, b)) = (cell(u * n as f64, n), cell(v * m as f64, m));
+                let p = |i: usize, j: usize| coarse.point(layer, (i + (n + 1) * j) as u32);
+                (p(i, j) * (1.0 - a) + p(i + 1, j) * a) * (1.0 - b)
+                    + (p(i, j + 1) * (1.0 - a) + p(i + 1, j + 1) * a) * b
+            };
+            let ring_at = |k: f64, level: f64| {
+                let ((i, a), (l, b)) = ((k.floor() as usize, k - k.floor()), cell(level, rings));
+                let p = |k: usize, l: usize| {
+                    let k = k % around;
+                    let node =
+                        if l == 0 { rim[k] } else { ((n + 1) * (m + 1) + (l - 1) * around + k) as u32 };
+                    coarse.point(layer, node)
+                };
+                (p(i, l) * (1.0 - a) + p(i + 1, l) * a) * (1.0 - b)
+                    + (p(i, l + 1) * (1.0 - a) + p(i + 1, l + 1) * a) * b
+            };
+            let mut points = Vec::new();
+            for j in 0..=fine_m {
+                for i in 0..=fine_n {
+                    points.push(core_at(i as f64 / fine_n as f64, j as f64 / fine_m as f64));
+                }
+            }
+            for ring in 1..=fine_rings {
+                let level = (ring * rings) as f64 / fine_rings as f64;
+                points.extend((0..2 * (fine_n + fine_m)).map(|k| ring_at(self.outline(k as f64), level)));
+            }
+            points
+        };
+        let layers: Vec<Vec<Vector3<f64>>> = (0..coarse.n_layers()).map(in_layer).collect();
+        let last = coarse.n_layers() - 1;
+        let mut points = Vec::new();
+        for fine in 0..n_layers {
+            let (layer, f) = cell((fine * last) as f64 / (n_layers - 1) as f64, last);
+            let between = layers[layer].iter().zip(&layers[layer + 1]);
+            points.extend(between.map(|(a, b)| <[f64; 3]>::from(a * (1.0 - f) + b * f)));
+        }
+        points
+    }
+}
+
+/// Number of the cell of 0..n that holds `x`, and where in it.
+fn cell(x: f64, n: usize) -> (usize, f64) {
+    let i = (x.floor() as usize).min(n - 1);
+    (i, x - i as f64)
 }

@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::grid::Coarser;
 use super::lbfgs::minimise;
 use super::shape::cell_penalty;
 use super::{Loft, MuscleBlock, N_OUTLINE, quad_volume};
@@ -144,6 +145,27 @@ impl Smoother {
             planes: Vec::new(),
             anchored: false,
             anchors: Vec::new(),
+        }
+    }
+
+    /// Starts where a coarser mesh of the same muscle ended.
+    pub fn start_from(&mut self, coarse: &Smoother, map: &Coarser) {
+        self.block.points = map.points(&coarse.block, self.block.n_layers());
+        self.x = self.block.points.iter().map(|p| Vector3::from(*p)).collect();
+        // Feet from the nearest node of the coarse outline: nodes have slid far from where they were filled in.
+        let (around, layers) = (self.block.outline.len(), self.block.n_layers());
+        let (coarse_around, coarse_last) = (coarse.block.outline.len(), coarse.block.n_layers() - 1);
+        for (i, side) in self.side.iter_mut().enumerate() {
+            let (layer, k) = if i < around * layers {
+                ((i / around) as f64, (i % around) as f64)
+            } else {
+                let face = i - around * layers;
+                ((face / around) as f64 + 0.5, (face % around) as f64 + 0.5)
+            };
+            let near = (layer * coarse_last as f64 / (layers - 1) as f64).round() as usize;
+            let foot =
+                coarse.side[near * coarse_around + map.outline(k).round() as usize % coarse_around].foot;
+            side.foot = [foot[0], foot[1].clamp(side.range[0], side.range[1])];
         }
     }
 
