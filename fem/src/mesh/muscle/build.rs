@@ -168,7 +168,9 @@ pub fn build(sections: &[MuscleSections], bones: &[Bone], edge: f64) -> Built {
     let mut rounds = 0;
     while rounds < MOST_ROUNDS {
         let [to_muscles, to_bones] = meet(&mut muscles, &skins, &bone_skins);
-        if to_muscles >= GOALS.gap && to_bones >= BONE_GAP {
+        let apart = to_muscles >= GOALS.gap && to_bones >= BONE_GAP;
+        // Moving apart bends cells; they recover in a further round.
+        if apart && muscles.par_iter().all(|(m, _)| is_good(&shape(&m.block))) {
             break;
         }
         muscles.par_iter_mut().for_each(|(m, _)| {
@@ -184,8 +186,7 @@ pub fn build(sections: &[MuscleSections], bones: &[Bone], edge: f64) -> Built {
         .zip(&skins)
         .zip(gaps)
         .map(|(((m, kind), skin), gap)| {
-            let mesh = to_mesh(std::slice::from_ref(&m.block));
-            let quality = mesh.quality(&mesh.blocks[0]).expect("a muscle has cells");
+            let quality = shape(&m.block);
             let mut away: Vec<f64> = m.deviations().into_iter().map(f64::abs).collect();
             away.sort_by(f64::total_cmp);
             let mean = away.iter().sum::<f64>() / away.len() as f64;
@@ -239,8 +240,7 @@ fn mesh_alone(sections: &MuscleSections, edge: f64) -> (Smoother, SectionKind) {
         for &(k, steps) in schedule {
             smoother.smooth(k, steps);
         }
-        let mesh = to_mesh(std::slice::from_ref(&smoother.block));
-        let quality = mesh.quality(&mesh.blocks[0]).expect("a muscle has cells");
+        let quality = shape(&smoother.block);
         (smoother, quality)
     };
     if edge < FINE {
@@ -256,9 +256,7 @@ fn mesh_alone(sections: &MuscleSections, edge: f64) -> (Smoother, SectionKind) {
     }
     let kind = SectionKind::rings(sections, edge);
     let (rings, quality) = smoothed(unsmoothed(kind), &ALONE);
-    let good = quality.least_scaled_jacobian >= GOALS.least_scaled_jacobian
-        && quality.mean_scaled_jacobian >= GOALS.mean_scaled_jacobian;
-    if good {
+    if is_good(&quality) {
         return (rings, kind);
     }
     let plain_kind = SectionKind::plain(sections, edge);
@@ -268,6 +266,18 @@ fn mesh_alone(sections: &MuscleSections, edge: f64) -> (Smoother, SectionKind) {
     } else {
         (rings, kind)
     }
+}
+
+/// Shape of the cells of a muscle.
+fn shape(block: &MuscleBlock) -> Quality {
+    let mesh = to_mesh(std::slice::from_ref(block));
+    mesh.quality(&mesh.blocks[0]).expect("a muscle has cells")
+}
+
+fn is_good(quality: &Quality) -> bool {
+    quality.least_scaled_jacobian >= GOALS.least_scaled_jacobian
+        && quality.mean_scaled_jacobian >= GOALS.mean_scaled_jacobian
+        && quality.least_gauss_det > 0.0
 }
 
 fn skin(block: &MuscleBlock) -> Skin {
