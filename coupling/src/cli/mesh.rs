@@ -156,8 +156,9 @@ fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Inputs, Com
             fit.coverage() * 100.0
         );
     }
-    for file in &anatomy.left_out {
-        eprintln!("note: {} is not meshed; name it in --ends to include it", file.display());
+    let left_out: Vec<_> = anatomy.left_out.iter().filter_map(|file| file.file_name()?.to_str()).collect();
+    if arguments.only.is_empty() && !left_out.is_empty() {
+        eprintln!("note: not meshed, as --ends does not name them: {}", left_out.join(", "));
     }
     Ok((anatomy.muscles, anatomy.bones, arguments.ends.iter().cloned().chain(anatomy.files).collect()))
 }
