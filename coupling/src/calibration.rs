@@ -191,7 +191,7 @@ impl<'a> Search<'a> {
         self.samples.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (contraction, after) in self.samples {
             let before = *curve.force.last().expect("starts at 0");
-            if !(after > before) {
+            if after.is_nan() || after <= before {
                 let muscle = self.muscle.name.clone();
                 return Err(CalibrationError::NotMonotone { muscle, before, after, contraction });
             }

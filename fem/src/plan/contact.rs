@@ -249,7 +249,7 @@ impl ContactPlan {
     }
 
     /// Inner nodes follow the mean of their neighbours (Jacobi's method for Laplace's equation).
-    fn carry_inside(&self, mesh: &Mesh, motion: &[[Motion; 3]], u: &mut Vec<[f64; 3]>) {
+    fn carry_inside(&self, mesh: &Mesh, motion: &[[Motion; 3]], u: &mut [[f64; 3]]) {
         let mut stays: Vec<bool> = motion.iter().map(|m| !m.iter().all(|m| *m == Motion::Free)).collect();
         self.surfaces.iter().flat_map(|s| &s.nodes).for_each(|&n| stays[n as usize] = true);
         let mut neighbours = vec![Vec::new(); mesh.points.len()];
@@ -259,7 +259,7 @@ impl ContactPlan {
             }
         }
         for _ in 0..SWEEPS {
-            let old = u.clone();
+            let old = u.to_vec();
             for (n, near) in neighbours.iter().enumerate().filter(|(_, near)| !near.is_empty()) {
                 u[n] = std::array::from_fn(|c| {
                     near.iter().map(|&m| old[m as usize][c]).sum::<f64>() / near.len() as f64

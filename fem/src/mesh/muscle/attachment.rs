@@ -107,7 +107,12 @@ impl Attachment {
                 .filter(|&l| s[0] <= block.s[l] && block.s[l] <= s[1])
                 .flat_map(|l| {
                     let inside = block.outline_parameter.iter().map(|&t| between(t, *outline));
-                    block.outline.iter().zip(inside).filter_map(move |(&n, i)| i.then(|| block.node(l, n)))
+                    block
+                        .outline
+                        .iter()
+                        .zip(inside)
+                        .filter(|(_, inside)| *inside)
+                        .map(move |(&n, _)| block.node(l, n))
                 })
                 .collect(),
             Site::EndSpot => {
