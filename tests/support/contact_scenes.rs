@@ -79,7 +79,11 @@ pub fn guarded(plan: &Plan, drive: &Drive, settings: &Settings) -> Result<Run, S
         if !bad.is_empty() {
             return Err(format!("at time {}: {}", frame.time, bad.join("; ")));
         }
-        if let Some(island) = frame.islands.iter().find(|i| i.load_steps > 0 && !(i.least_det_f > 0.0)) {
+        if let Some(island) = frame
+            .islands
+            .iter()
+            .find(|i| i.load_steps > 0 && (i.least_det_f.is_nan() || i.least_det_f <= 0.0))
+        {
             return Err(format!("at time {}: det F = {}", frame.time, island.least_det_f));
         }
     }

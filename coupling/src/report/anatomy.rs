@@ -80,7 +80,7 @@ pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], view: View) -> String {
             .map(|k| (corners[k] - corners[0]).cross(&(corners[k + 1] - corners[0])))
             .sum::<Vector3<f64>>();
         let facing = normal.dot(&eye) / normal.norm();
-        if !(facing > 0.0) {
+        if facing.is_nan() || facing <= 0.0 {
             return; // looks away
         }
         let depth = corners.iter().map(|p| p.dot(&eye)).sum::<f64>() / n as f64;
