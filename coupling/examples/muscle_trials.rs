@@ -117,13 +117,7 @@ fn alone(made: &BuiltIn, muscle: &ThighMuscle, stretched: bool) -> (Scene, Vecto
     };
     let scene = Scene {
         solids: thigh.scene.solids.iter().filter(|s| s.region == *name).cloned().collect(),
-        fibres: thigh
-            .scene
-            .fibres
-            .iter()
-            .filter(|f| !stretched && f.activation.as_ref() == Some(name))
-            .cloned()
-            .collect(),
+        fibres: thigh.scene.fibres.iter().filter(|f| f.activation.as_ref() == Some(name)).cloned().collect(),
         prescribed: vec![
             held("origin", vec![], None),
             held(

@@ -44,7 +44,7 @@ pub struct CompareArguments {
     /// Posture in which the mesh is free of stress: standing, or at heel strike as in the publication.
     #[arg(long, value_enum, default_value = "standing")]
     stress_free: StressFreeChoice,
-    /// Which configurations are computed. Contact of all muscles is still refused where the mesh overlaps.
+    /// Which configurations are computed. Contact of all muscles at once still takes very long.
     #[arg(long, value_enum, default_value = "without")]
     contact: ContactChoice,
     /// Only these muscles, by name.
