@@ -125,7 +125,7 @@ pub fn drive(
 
 /// Force of the rigid leg per muscle of the thigh \[N\].
 pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
-    let force = |name: &str| step.muscles.iter().find(|m| m.name == name).map_or(0.0, |m| m.force().norm());
+    let force = |name: &str| step.muscle(name).map_or(0.0, |m| m.force().norm());
     thigh.muscles.iter().map(|m| force(&m.name)).collect()
 }
 

@@ -6,9 +6,10 @@
 
 #![allow(non_snake_case)]
 
-use std::collections::HashMap;
+use std::path::Path;
 
 use fem::body::Pose;
+use fem::mesh::muscle::scale::SegmentFrame;
 use multibody::kinematics::coupled_leg;
 use multibody::model::Model;
 use multibody::natural::{self, Coordinates, SegmentId};
@@ -35,25 +36,17 @@ pub struct MeshFrames {
 impl MeshFrames {
     /// The frames of the built-in thigh (`gait-data/thigh/limb_frames.csv`).
     pub fn built_in() -> MeshFrames {
-        let mut reader = csv::Reader::from_reader(LIMB_FRAMES.as_bytes());
-        let rows: Vec<HashMap<String, String>> =
-            reader.deserialize().map(|row| row.expect("built-in tables are well formed")).collect();
-        let vector = |segment: &str, columns: [&str; 3]| {
-            let row =
-                rows.iter().find(|r| r["segment"] == segment).expect("the table lists pelvis and thigh");
-            Vector3::from(columns.map(|c| row[c].parse::<f64>().expect("built-in tables are well formed")))
+        let frames = SegmentFrame::read_csv(LIMB_FRAMES, Path::new("limb_frames.csv"));
+        let frames = frames.expect("built-in tables are well formed");
+        let frame = |segment: &str| {
+            frames.iter().find(|f| f.segment == segment).expect("the table lists pelvis and thigh")
         };
-        let axes = |segment: &str| {
-            let columns = [["Xx", "Xy", "Xz"], ["Yx", "Yy", "Yz"], ["Zx", "Zy", "Zz"]];
-            // The table has five digits; a rotation needs more.
-            let R = Matrix3::from_columns(&columns.map(|c| vector(segment, c)));
-            Rotation3::from_matrix(&R).into_inner()
-        };
+        let (pelvis, thigh) = (frame("pelvis"), frame("thigh"));
         MeshFrames {
-            pelvis: axes("pelvis"),
-            thigh: axes("thigh"),
-            hip: 1e-3 * vector("thigh", ["Px", "Py", "Pz"]),
-            knee: 1e-3 * vector("thigh", ["Dx", "Dy", "Dz"]),
+            pelvis: pelvis.axes,
+            thigh: thigh.axes,
+            hip: thigh.origin,
+            knee: thigh.distal.expect("the table has the knee centre"),
         }
     }
 }

@@ -111,6 +111,18 @@ pub struct RigidStep {
     pub muscles: Vec<RigidMuscle>,
 }
 
+impl RigidStep {
+    /// The muscle of this name; `None` where the rigid leg has no line of it.
+    pub fn muscle(&self, name: &str) -> Option<&RigidMuscle> {
+        self.muscles.iter().find(|m| m.name == name)
+    }
+
+    /// Activation of a muscle, zero where the rigid leg has no line of it.
+    pub fn activation(&self, name: &str) -> f64 {
+        self.muscle(name).map_or(0.0, RigidMuscle::activation)
+    }
+}
+
 /// The step `name` of a trial; an error says why the frame cannot be used.
 pub fn rigid_step(
     done: &Optimized,

@@ -191,8 +191,7 @@ fn write_comparison(
     for (k, step) in steps.iter().enumerate() {
         let rigid = wanted(thigh, step);
         for (i, muscle) in thigh.muscles.iter().enumerate() {
-            let activation =
-                step.muscles.iter().find(|m| m.name == muscle.name).map_or(0.0, |m| m.activation());
+            let activation = step.activation(&muscle.name);
             let fe = cells(results, k, i);
             let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.3}"));
             let parts = fe[1].or(fe[0]);
@@ -237,8 +236,7 @@ fn print(
         )?;
         let rigid = wanted(thigh, step);
         for (i, muscle) in thigh.muscles.iter().enumerate() {
-            let activation =
-                step.muscles.iter().find(|m| m.name == muscle.name).map_or(0.0, |m| m.activation());
+            let activation = step.activation(&muscle.name);
             let show =
                 |f: Option<crate::compare::MuscleForce>| f.map_or("-".into(), |f| format!("{:.1}", f.total));
             let [without, with] = cells(results, k, i).map(show);

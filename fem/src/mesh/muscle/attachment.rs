@@ -1,12 +1,12 @@
 //! Where muscles hold on to bones: end faces, patches of the side, and tendons (`gait-data/thigh/attachments.csv`).
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use nalgebra::Vector3;
 
+use super::table::Table;
 use super::{MuscleBlock, N_OUTLINE};
-use crate::mesh::{MeshError, Place};
+use crate::mesh::MeshError;
 
 /// Which end of the muscle an attachment serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,25 +75,13 @@ impl Attachment {
     /// Reads the table, lengths in mm. `file` is the name for messages. Rows of tendons that belong to no muscle
     /// (the patellar ligament) are kept with that name.
     pub fn read_csv(text: &str, file: &Path) -> Result<Vec<Attachment>, MeshError> {
-        let bad = |line: usize, reason: String| MeshError::Format {
-            file: file.into(),
-            place: Place::Line(line),
-            reason,
-        };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|e| bad(1, e.to_string()))?.clone();
-        let columns: HashMap<&str, usize> = header.iter().enumerate().map(|(i, name)| (name, i)).collect();
-        if let Some(missing) = COLUMNS.iter().find(|c| !columns.contains_key(**c)) {
-            return Err(bad(1, format!("column `{missing}` is missing")));
-        }
+        let mut table = Table::read(text, file)?;
+        table.require(&COLUMNS)?;
         let mut attachments = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|e| {
-                bad(e.position().map_or(1, |p| p.line() as usize), format!("not a row of the table: {e}"))
-            })?;
-            let line = row.position().map_or(0, |p| p.line() as usize);
-            let cell = |name: &str| row.get(columns[name]).unwrap_or_default();
-            attachments.push(attachment(cell).map_err(|reason| bad(line, reason))?);
+        for row in table.rows() {
+            let row = row?;
+            let cell = |name: &str| row.optional(name).unwrap_or_default();
+            attachments.push(attachment(cell).map_err(|reason| row.bad(reason))?);
         }
         Ok(attachments)
     }

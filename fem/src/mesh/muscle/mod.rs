@@ -16,6 +16,7 @@ mod sections;
 mod separate;
 mod shape;
 pub mod smooth;
+mod table;
 
 use nalgebra::Vector3;
 

@@ -4,13 +4,13 @@
 //! measured (`gait-data/thigh/limb_frames.csv`) and O′, R′ of the subject in the same pose. A section of a muscle goes to
 //! (1 − w) p′ + w p″ with the maps of the segments above and below a joint; w steps smoothly from 0 to 1 along the muscle.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::sections::{MuscleSections, Station};
-use crate::mesh::{MeshError, Place};
+use super::table::Table;
+use crate::mesh::MeshError;
 
 /// Length of the smooth step from one segment to the next, along the muscle \[m\].
 const STEP: f64 = 60e-3;
@@ -44,54 +44,38 @@ pub struct SegmentMap {
 impl SegmentFrame {
     /// Reads the table of frames, in mm. `file` is the name for messages.
     pub fn read_csv(text: &str, file: &Path) -> Result<Vec<SegmentFrame>, MeshError> {
-        let bad = |line: usize, reason: String| MeshError::Format {
-            file: file.into(),
-            place: Place::Line(line),
-            reason,
-        };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|e| bad(1, e.to_string()))?.clone();
-        let columns: HashMap<&str, usize> = header.iter().enumerate().map(|(i, name)| (name, i)).collect();
+        let mut table = Table::read(text, file)?;
         let mut frames: Vec<SegmentFrame> = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|e| {
-                bad(e.position().map_or(1, |p| p.line() as usize), format!("not a row of the table: {e}"))
-            })?;
-            let line = row.position().map_or(0, |p| p.line() as usize);
-            let cell = |name: &str| {
-                let i = columns.get(name).ok_or_else(|| bad(1, format!("column `{name}` is missing")))?;
-                Ok::<_, MeshError>(row.get(*i).unwrap_or_default())
-            };
-            let vector = |names: [&str; 3]| {
-                let mut v = Vector3::zeros();
-                for (i, name) in names.into_iter().enumerate() {
-                    let text = cell(name)?;
-                    let value = text.parse().ok().filter(|x: &f64| x.is_finite());
-                    v[i] = value
-                        .ok_or_else(|| bad(line, format!("{name} is `{text}`; give a finite number")))?;
-                }
-                Ok::<_, MeshError>(v)
-            };
-            let segment = cell("segment")?.to_string();
+        for row in table.rows() {
+            let row = row?;
+            let segment = row.cell("segment")?.to_string();
             if segment.is_empty() || frames.iter().any(|f| f.segment == segment) {
-                return Err(bad(line, format!("segment `{segment}`: give every row a name of its own")));
+                return Err(row.bad(format!("segment `{segment}`: give every row a name of its own")));
             }
             let axes = Matrix3::from_columns(&[
-                vector(["Xx", "Xy", "Xz"])?,
-                vector(["Yx", "Yy", "Yz"])?,
-                vector(["Zx", "Zy", "Zz"])?,
+                row.vector(["Xx", "Xy", "Xz"])?,
+                row.vector(["Yx", "Yy", "Yz"])?,
+                row.vector(["Zx", "Zy", "Zz"])?,
             ]);
             let error = (axes.transpose() * axes - Matrix3::identity()).amax();
             if !(error <= UNIT_TOLERANCE && axes.determinant() > 0.0) {
-                return Err(bad(line, format!("the axes of `{segment}` are no right-handed frame")));
+                return Err(row.bad(format!("the axes of `{segment}` are no right-handed frame")));
             }
             // Rounded in the table: made orthonormal again, the long axis Y kept.
             let (x, y) = (axes.column(0), axes.column(1).normalize());
             let x = (x - y * y.dot(&x)).normalize();
             let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
-            let distal =
-                if cell("Dx")?.is_empty() { None } else { Some(vector(["Dx", "Dy", "Dz"])? / 1000.0) };
-            frames.push(SegmentFrame { segment, origin: vector(["Px", "Py", "Pz"])? / 1000.0, distal, axes });
+            let distal = if row.cell("Dx")?.is_empty() {
+                None
+            } else {
+                Some(row.vector(["Dx", "Dy", "Dz"])? / 1000.0)
+            };
+            frames.push(SegmentFrame {
+                segment,
+                origin: row.vector(["Px", "Py", "Pz"])? / 1000.0,
+                distal,
+                axes,
+            });
         }
         Ok(frames)
     }

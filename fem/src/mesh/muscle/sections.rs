@@ -1,11 +1,11 @@
 //! Cross-sections of a muscle along its line, and the reader of their table (`gait-data/thigh/muscle_sections.csv`).
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use nalgebra::Vector3;
 
-use crate::mesh::{MeshError, Place};
+use super::table::{Table, bad};
+use crate::mesh::MeshError;
 
 /// Boundary points of a section.
 pub const N_OUTLINE: usize = 14;
@@ -50,93 +50,65 @@ impl MuscleSections {
     /// vectors, outlines that run clockwise or cross themselves, sections that cross their neighbour, and lengths that
     /// are no muscle's.
     pub fn read_csv(text: &str, file: &Path) -> Result<Vec<MuscleSections>, MeshError> {
-        let bad = |line: usize, reason: String| MeshError::Format {
-            file: file.into(),
-            place: Place::Line(line),
-            reason,
-        };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|e| bad(1, e.to_string()))?.clone();
-        let columns: HashMap<&str, usize> = header.iter().enumerate().map(|(i, name)| (name, i)).collect();
+        let mut table = Table::read(text, file)?;
         let mut muscles: Vec<MuscleSections> = Vec::new();
         let mut lines: Vec<Vec<usize>> = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|e| {
-                bad(e.position().map_or(1, |p| p.line() as usize), format!("not a row of the table: {e}"))
-            })?;
-            let line = row.position().map_or(0, |p| p.line() as usize);
-            let cell = |name: &str| {
-                let i = columns.get(name).ok_or_else(|| bad(1, format!("column `{name}` is missing")))?;
-                Ok(row.get(*i).unwrap_or_default())
-            };
-            let number = |name: &str| {
-                let text = cell(name)?;
-                let value = text.parse().ok().filter(|v: &f64| v.is_finite());
-                value.ok_or_else(|| bad(line, format!("{name} is `{text}`; give a finite number")))
-            };
-            let vector = |names: [&str; 3]| {
-                Ok::<_, MeshError>(Vector3::new(number(names[0])?, number(names[1])?, number(names[2])?))
-            };
-            let name = cell("muscle")?;
+        for row in table.rows() {
+            let row = row?;
+            let name = row.cell("muscle")?;
             if name.is_empty() {
-                return Err(bad(line, "the muscle has no name".into()));
+                return Err(row.bad("the muscle has no name".into()));
             }
             let previous = muscles.last_mut().filter(|m| m.name == name);
             let expected = previous.as_ref().map_or(0, |m| m.stations.len());
-            let station = number("station")?;
+            let station = row.number("station")?;
             if station != expected as f64 {
                 let reason = format!(
                     "station {station} of `{name}` where {expected} was expected; list each muscle once, its stations in order from 0"
                 );
-                return Err(bad(line, reason));
+                return Err(row.bad(reason));
             }
             let unit = |what: &str, v: Vector3<f64>| {
                 if (v.norm() - 1.0).abs() <= UNIT_TOLERANCE {
                     return Ok(v.normalize());
                 }
-                Err(bad(line, format!("{what} of `{name}` has length {}, not 1", v.norm())))
+                Err(row.bad(format!("{what} of `{name}` has length {}, not 1", v.norm())))
             };
-            let normal = unit("the normal", vector(["nx", "ny", "nz"])?)?;
-            let axis = unit("the axis", vector(["ax", "ay", "az"])?)?;
+            let normal = unit("the normal", row.vector(["nx", "ny", "nz"])?)?;
+            let axis = unit("the axis", row.vector(["ax", "ay", "az"])?)?;
             if axis.dot(&normal).abs() > UNIT_TOLERANCE {
-                return Err(bad(
-                    line,
-                    format!(
-                        "axis and normal of `{name}` are not orthogonal (their product is {})",
-                        axis.dot(&normal)
-                    ),
-                ));
+                return Err(row.bad(format!(
+                    "axis and normal of `{name}` are not orthogonal (their product is {})",
+                    axis.dot(&normal)
+                )));
             }
             let axis = (axis - normal * axis.dot(&normal)).normalize();
             let across = normal.cross(&axis);
-            let centre = vector(["cx", "cy", "cz"])? / 1000.0;
+            let centre = row.vector(["cx", "cy", "cz"])? / 1000.0;
             let mut outline = [Vector3::zeros(); N_OUTLINE];
             for (k, point) in outline.iter_mut().enumerate() {
-                let uvw = vector([&format!("u{k}"), &format!("v{k}"), &format!("w{k}")])? / 1000.0;
+                let uvw = row.vector([&format!("u{k}"), &format!("v{k}"), &format!("w{k}")])? / 1000.0;
                 *point = centre + axis * uvw.x + across * uvw.y + normal * uvw.z;
             }
-            let section = Station { s: number("s")?, centre, normal, axis, outline };
+            let section = Station { s: row.number("s")?, centre, normal, axis, outline };
             match previous {
                 Some(muscle) => muscle.stations.push(section),
                 None => {
                     if muscles.iter().any(|m| m.name == name) {
-                        return Err(bad(
-                            line,
-                            format!("`{name}` appears a second time; list each muscle once"),
-                        ));
+                        return Err(row.bad(format!("`{name}` appears a second time; list each muscle once")));
                     }
                     lines.push(Vec::new());
                     muscles.push(MuscleSections { name: name.into(), stations: vec![section] });
                 }
             }
-            lines.last_mut().expect("a muscle was begun").push(line);
+            lines.last_mut().expect("a muscle was begun").push(row.line);
         }
         if muscles.is_empty() {
-            return Err(bad(1, "the table has no sections".into()));
+            return Err(bad(file, 1, "the table has no sections".into()));
         }
         for (i, muscle) in muscles.iter().enumerate() {
             muscle.check().map_err(|(station, reason)| {
-                bad(lines[i][station], format!("`{}`, station {station}: {reason}", muscle.name))
+                bad(file, lines[i][station], format!("`{}`, station {station}: {reason}", muscle.name))
             })?;
         }
         Ok(muscles)

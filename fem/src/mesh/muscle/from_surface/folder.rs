@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use super::{End, Fit, SectionError, Settings, sections_from_surface};
 use crate::geometry::{SearchSurface, Surface};
+use crate::mesh::muscle::table::{Table, bad};
 use crate::mesh::muscle::{Bone, MuscleSections};
-use crate::mesh::{LengthUnit, MeshError, Place};
+use crate::mesh::{LengthUnit, MeshError};
 
 /// The bones that a muscle arises from and ends on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,36 +25,25 @@ impl MuscleEnds {
     /// empty), such as `gait-data/thigh/attachments.csv`. Of several rows for one end, one with `end_face` in the column `kind` counts,
     /// else the first. `tendon_only` rows describe no part of a surface and are passed over. `file` is the name for messages.
     pub fn read_csv(text: &str, file: &Path) -> Result<Vec<MuscleEnds>, MeshError> {
-        let bad = |line: usize, reason: String| MeshError::Format {
-            file: file.into(),
-            place: Place::Line(line),
-            reason,
-        };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|e| bad(1, e.to_string()))?.clone();
-        let column = |name: &str| header.iter().position(|h| h == name);
-        let needed = |name: &str| column(name).ok_or_else(|| bad(1, format!("column `{name}` is missing")));
-        let (muscle, end, bone, kind) = (needed("muscle")?, needed("end")?, needed("bone")?, column("kind"));
+        let mut table = Table::read(text, file)?;
+        table.require(&["muscle", "end", "bone"])?;
         let mut ends: Vec<MuscleEnds> = Vec::new();
         let mut from_face: Vec<[bool; 2]> = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|e| {
-                bad(e.position().map_or(1, |p| p.line() as usize), format!("not a row of the table: {e}"))
-            })?;
-            let line = row.position().map_or(0, |p| p.line() as usize);
-            let kind = kind.map_or("end_face", |k| &row[k]);
-            let end = match &row[end] {
+        for row in table.rows() {
+            let row = row?;
+            let kind = row.optional("kind").unwrap_or("end_face");
+            let end = match row.cell("end")? {
                 _ if kind == "tendon_only" => continue,
                 "origin" => 0,
                 "insertion" => 1,
                 "contact" => continue,
                 other => {
-                    return Err(bad(line, format!("end `{other}`; there are origin, insertion and contact")));
+                    return Err(row.bad(format!("end `{other}`; there are origin, insertion and contact")));
                 }
             };
-            let name = &row[muscle];
+            let name = row.cell("muscle")?;
             if name.is_empty() {
-                return Err(bad(line, "the muscle has no name".into()));
+                return Err(row.bad("the muscle has no name".into()));
             }
             let known = ends.iter().position(|e| e.muscle == name);
             let i = known.unwrap_or_else(|| {
@@ -63,12 +53,13 @@ impl MuscleEnds {
             });
             let face = kind == "end_face";
             if ends[i].bones[end].is_none() || (face && !from_face[i][end]) {
-                ends[i].bones[end] = (!row[bone].is_empty()).then(|| row[bone].into());
+                let bone = row.cell("bone")?;
+                ends[i].bones[end] = (!bone.is_empty()).then(|| bone.into());
                 from_face[i][end] = face;
             }
         }
         if ends.is_empty() {
-            return Err(bad(1, "the table names no muscle".into()));
+            return Err(bad(file, 1, "the table names no muscle".into()));
         }
         Ok(ends)
     }
