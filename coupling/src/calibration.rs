@@ -97,6 +97,13 @@ pub enum CalibrationError {
     },
 }
 
+impl CalibrationError {
+    /// Whether the input was good and the muscle is at fault.
+    pub fn is_verdict(&self) -> bool {
+        !matches!(self, CalibrationError::Scene(_))
+    }
+}
+
 /// Curves of all muscles of the thigh, which `plan` must hold without contact, over the forces that are `wanted` \[N\], a list per
 /// step in the order of the muscles. A muscle that is wanted at rest only has no curve but the zero.
 ///

@@ -15,6 +15,7 @@ use fem::solve::Settings;
 use rayon::prelude::*;
 
 use crate::calibration::{CalibrationError, FibreCurve};
+use crate::error::CommandError;
 use crate::registration::BODIES;
 use crate::section::belly_cut;
 use crate::steps::{RigidStep, StepName};
@@ -79,6 +80,15 @@ pub enum CompareError {
     /// A file.
     #[error(transparent)]
     Output(#[from] fem::output::OutputError),
+}
+
+impl From<CompareError> for CommandError {
+    fn from(error: CompareError) -> CommandError {
+        match error {
+            CompareError::Calibration(e) if e.is_verdict() => CommandError::NotConverged(e.to_string()),
+            bad => CommandError::Option(bad.to_string()),
+        }
+    }
 }
 
 /// Frames of the drive: the way to heel strike passive, the activation there, then loading response.
@@ -200,5 +210,30 @@ fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce
         fibre: part(Part::Fibre),
         matrix: part(Part::Matrix),
         shell: part(Part::Membrane),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::CompareError;
+    use crate::calibration::CalibrationError;
+    use crate::error::CommandError;
+
+    #[test]
+    fn a_muscle_too_weak_is_no_bad_input() {
+        let weak = CalibrationError::TooWeak {
+            muscle: "gracilis".into(),
+            wanted: 9.0,
+            reached: 1.0,
+            contraction: 0.1,
+        };
+        assert_eq!(CommandError::from(CompareError::from(weak)).exit_code(), 3);
+        let bad = fem::plan::SceneError::Count {
+            user: "fibre `x`".into(),
+            quantity: "areas",
+            found: 2,
+            needed: "1".into(),
+        };
+        assert_eq!(CommandError::from(CompareError::from(bad)).exit_code(), 2);
     }
 }

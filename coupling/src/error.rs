@@ -1,4 +1,4 @@
-//! Why a command could not run: always the input or the place for the output, never a verdict.
+//! Why a command ended without results: mostly the input or the place for the output.
 
 use multibody::InputError;
 use multibody::calibration::CalibrationError;
@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::measured::MeasuredError;
 use crate::output::OutputError;
 
-/// What stops a command with exit code 2.
+/// What stops a command.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CommandError {
@@ -49,4 +49,14 @@ pub enum CommandError {
     /// An option contradicts the trial.
     #[error("{0}")]
     Option(String),
+    /// The input is good, but something on the way to the results found no solution.
+    #[error("{0}")]
+    NotConverged(String),
+}
+
+impl CommandError {
+    /// Exit code of the process: 3 where a solver failed, 2 for bad input.
+    pub fn exit_code(&self) -> u8 {
+        if matches!(self, CommandError::NotConverged(_)) { 3 } else { 2 }
+    }
 }

@@ -10,7 +10,7 @@ use fem::solve::Settings;
 
 use super::Outcome;
 use crate::calibration::calibrate;
-use crate::compare::{Configuration, StressFree, configuration, drive, wanted};
+use crate::compare::{CompareError, Configuration, StressFree, configuration, drive, wanted};
 use crate::error::CommandError;
 use crate::optimize::{OptimizeOptions, optimize};
 use crate::output::atomic::OutputFolder;
@@ -104,13 +104,13 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
     })?;
     let steps: Vec<RigidStep> = StepName::ALL
         .iter()
-        .map(|name| rigid_step(&done, &registration, *name).map_err(CommandError::Option))
+        .map(|name| rigid_step(&done, &registration, *name).map_err(CommandError::NotConverged))
         .collect::<Result<_, _>>()?;
     let plan =
         Plan::new(&thigh.scene, thigh.mesh.clone()).map_err(|e| CommandError::Option(e.to_string()))?;
     let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
     let failed = |e: &dyn std::fmt::Display| CommandError::Option(e.to_string());
-    let curves = calibrate(thigh, &plan, &forces, &SETTINGS).map_err(|e| failed(&e))?;
+    let curves = calibrate(thigh, &plan, &forces, &SETTINGS).map_err(CompareError::from)?;
     lap(&mut record, "calibration");
 
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/compare-walker"));
@@ -120,8 +120,9 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
         StressFreeChoice::HeelStrike => StressFree::HeelStrike,
     };
     let compute = |plan: &Plan, name: &str| {
-        let drive = drive(plan, thigh, &curves, &steps, stress_free).map_err(|e| failed(&e))?;
-        configuration(plan, thigh, &drive, &steps, &SETTINGS, &folder.join(name)).map_err(|e| failed(&e))
+        let drive = drive(plan, thigh, &curves, &steps, stress_free)?;
+        let done = configuration(plan, thigh, &drive, &steps, &SETTINGS, &folder.join(name))?;
+        Ok::<_, CommandError>(done)
     };
     let mut results: [Option<Configuration>; 2] = [None, None];
     if arguments.contact != ContactChoice::With {

@@ -69,7 +69,7 @@ pub fn main() -> ExitCode {
         Ok(Outcome::NotSolved) => ExitCode::from(3),
         Err(error) => {
             eprintln!("error: {error}");
-            ExitCode::from(2)
+            ExitCode::from(error.exit_code())
         }
     }
 }
