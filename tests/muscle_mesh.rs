@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use fem::contact::surface::{SurfaceInput, Surfaces};
+use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::MeshError;
 use fem::mesh::muscle::scale::{SegmentFrame, SegmentMap, map_sections};
 use fem::mesh::muscle::smooth::{Plane, Smoother};
@@ -69,6 +71,67 @@ fn the_thigh_reaches_its_goals() {
     }
 }
 
+/// A surface of a muscle and the nodes of the mesh that move each of its triangles.
+type Reading = (SearchSurface, Vec<Vec<u32>>);
+
+/// By contact's own code.
+fn as_in_contact(block: &muscle::MuscleBlock) -> Reading {
+    let x: Vec<f64> = block.points.iter().flatten().copied().collect();
+    let input = SurfaceInput {
+        name: block.name.clone(),
+        faces: block.surface(),
+        stiffness: 1e4,
+        spacing: f64::INFINITY, // no samples but the corners
+    };
+    let all = Surfaces::new(&[input], &x);
+    let nodes =
+        |t: &[u32; 3]| t.iter().flat_map(|&p| all.points[p as usize].parts().map(|part| part.0)).collect();
+    let triangles = all.triangles.iter().map(nodes).collect();
+    let points = all.positions(&x).into_iter().map(Into::into).collect();
+    (SearchSurface::new(Surface { points, triangles: all.triangles }), triangles)
+}
+
+/// Cut along a diagonal, as in files of surfaces.
+fn as_in_files(block: &muscle::MuscleBlock) -> Reading {
+    let (surface, nodes) = Surface::from_faces(&block.points, &block.surface());
+    let triangles = surface.triangles.iter().map(|t| t.map(|p| nodes[p as usize]).to_vec()).collect();
+    (SearchSurface::new(surface), triangles)
+}
+
+/// Quadrilaterals of muscles are not plane: the gap holds however they are read.
+#[test]
+fn muscles_keep_apart_as_contact_and_as_files_see_them() {
+    let (sections, bones) = (sections(), bones());
+    let built = muscle::build(&sections, &bones, 10e-3);
+    let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
+    let bone_surfaces: Vec<_> = bones.iter().map(|b| SearchSurface::new(b.surface.clone())).collect();
+    let read = [as_in_files, as_in_contact].map(|read| blocks.iter().map(|b| read(b)).collect::<Vec<_>>());
+    for surfaces in &read {
+        for (i, (a, nodes)) in surfaces.iter().enumerate() {
+            let name = &blocks[i].name;
+            assert!(a.self_intersections().is_empty(), "{name}");
+            for (j, (b, _)) in surfaces.iter().enumerate().skip(i + 1) {
+                let gap = a.least_gap(b).unwrap().closest.distance;
+                assert!(gap >= 0.2e-3, "{name} and {}: {gap} m", blocks[j].name);
+                // No pair comes closer than what is stated.
+                assert!(built.muscles[i].gap.unwrap().0 <= gap, "{name}");
+            }
+            // Bones are met by the cells of the ends only, and where they are met it is stated.
+            let per_layer = blocks[i].nodes_per_section as u32;
+            let last = (blocks[i].n_layers() as u32 - 1) * per_layer;
+            for (k, bone) in bone_surfaces.iter().enumerate() {
+                for (t, _) in a.intersections(bone) {
+                    let at_end = nodes[t as usize].iter().any(|&n| n < per_layer || n >= last);
+                    assert!(at_end, "{name} meets {}", bones[k].name);
+                    assert!(built.bone_crossings.iter().any(|c| (c.muscle, c.bone) == (i, k)), "{name}");
+                }
+            }
+        }
+    }
+    let [two, four] = [0, 1].map(|r| read[r][0].1.len());
+    assert_eq!(2 * two, four, "the same reading twice");
+}
+
 #[test]
 fn a_block_is_what_its_mesh_says() {
     for muscle in sections() {
@@ -117,9 +180,9 @@ fn the_objective_of_smoothing_has_its_gradient() {
         let x: Vec<Vector3<f64>> = smoother.block.points.iter().map(|p| Vector3::from(*p)).collect();
         let first = smoother.block.side_faces()[7];
         let normal = Vector3::new(0.6, 0.0, 0.8);
-        let nodes = [first[0], first[1], first[2]];
-        let weights = [0.2, 0.5, 0.3];
-        let at: Vector3<f64> = (0..3).map(|i| x[nodes[i] as usize] * weights[i]).sum();
+        let nodes = first;
+        let weights = [0.2, 0.4, 0.1, 0.3];
+        let at: Vector3<f64> = (0..4).map(|i| x[nodes[i] as usize] * weights[i]).sum();
         smoother.planes.push(Plane { nodes, weights, normal, offset: normal.dot(&at) - 0.3e-3 });
         let moves: Vec<Vector3<f64>> = x.iter().map(|_| random.vector(1e-4)).collect();
         let there: Vec<Vector3<f64>> = x.iter().zip(&moves).map(|(x, d)| x + d * 0.5).collect();

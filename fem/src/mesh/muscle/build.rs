@@ -1,12 +1,13 @@
 //! From sections to meshes that keep apart: filling, smoothing, separating.
 
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::grid::{self, Coarser, SectionKind};
 use super::separate::{Planes, Skin, planes};
 use super::smooth::Smoother;
 use super::{Bone, Loft, MuscleBlock, MuscleSections, N_OUTLINE, to_mesh};
-use crate::geometry::{SignedDistance, Surface};
+use crate::geometry::SignedDistance;
 use crate::mesh::quality::Quality;
 
 /// Goals that a mesh is judged by.
@@ -72,9 +73,14 @@ pub struct MuscleResult {
     pub loft_volume: f64,
     /// Distances of the nodes of the lateral surface from the loft: mean, 95 % and largest \[m\].
     pub deviation: [f64; 3],
-    /// Least distance to another muscle \[m\] and which; `None` without another.
+    /// How far nodes of the surface were moved along their normals to come apart from neighbours and bones: mean and largest \[m\].
+    pub moved: [f64; 2],
+    /// Volume before that \[m³\].
+    pub volume_before: f64,
+    /// Least distance to another muscle \[m\] and which; `None` without another. Quadrilaterals read both as two triangles along
+    /// a diagonal and as four about the mean of their corners.
     pub gap: Option<(f64, usize)>,
-    /// Triangles of its surface that meet others of its own.
+    /// Pairs of triangles of its own surface that meet, in the worse of the two readings.
     pub self_crossings: usize,
 }
 
@@ -160,11 +166,10 @@ impl Built {
 pub fn build(sections: &[MuscleSections], bones: &[Bone], edge: f64) -> Built {
     let mut muscles: Vec<(Smoother, SectionKind)> =
         sections.par_iter().map(|muscle| mesh_alone(muscle, edge)).collect();
-    let mut skins: Vec<Skin> = muscles.iter().map(|(m, _)| skin(&m.block)).collect();
-    let bone_skins: Vec<Skin> = bones
-        .iter()
-        .map(|b| Skin::new(b.surface.clone(), (0..b.surface.points.len() as u32).collect()))
-        .collect();
+    let mut skins: Vec<Skins> = muscles.iter().map(|(m, _)| skins_of(&m.block)).collect();
+    let bone_skins: Vec<Skin> = bones.iter().map(Skin::of_bone).collect();
+    let alone: Vec<Alone> =
+        skins.iter().zip(&muscles).map(|(skins, (m, _))| Alone::of(skins, &m.block)).collect();
     let mut rounds = 0;
     while rounds < MOST_ROUNDS {
         let [to_muscles, to_bones] = meet(&mut muscles, &skins, &bone_skins);
@@ -177,7 +182,9 @@ pub fn build(sections: &[MuscleSections], bones: &[Bone], edge: f64) -> Built {
             m.anchored = rounds >= SLIDING_ROUNDS;
             m.smooth(TOGETHER.0, TOGETHER.1);
         });
-        skins.iter_mut().zip(&muscles).for_each(|(skin, (m, _))| skin.update(&m.block.points));
+        skins.par_iter_mut().zip(&muscles).for_each(|(skins, (m, _))| {
+            skins.iter_mut().for_each(|skin| skin.update(&m.block.points));
+        });
         rounds += 1;
     }
     let gaps = least_gaps(&skins);
@@ -185,26 +192,61 @@ pub fn build(sections: &[MuscleSections], bones: &[Bone], edge: f64) -> Built {
         .into_par_iter()
         .zip(&skins)
         .zip(gaps)
-        .map(|(((m, kind), skin), gap)| {
+        .zip(&alone)
+        .map(|((((m, kind), skins), gap), alone)| {
             let quality = shape(&m.block);
             let mut away: Vec<f64> = m.deviations().into_iter().map(f64::abs).collect();
             away.sort_by(f64::total_cmp);
             let mean = away.iter().sum::<f64>() / away.len() as f64;
             let deviation = [mean, away[away.len() * 95 / 100], away[away.len() - 1]];
-            let self_crossings = skin.search.self_intersections().len();
+            let crossings = skins.iter().map(|skin| skin.search.self_intersections().len());
             MuscleResult {
                 kind,
                 quality,
                 loft_volume: m.volume,
                 deviation,
+                moved: alone.moved(&m.block),
+                volume_before: alone.volume,
                 gap,
-                self_crossings,
+                self_crossings: crossings.max().unwrap_or(0),
                 block: m.block,
             }
         })
         .collect();
     let bone_crossings = crossings(&results, &skins, &bone_skins);
     Built { muscles: results, bone_crossings, rounds }
+}
+
+/// The surface of a muscle in both readings of its quadrilaterals: cut in two and in four.
+type Skins = [Skin; 2];
+
+fn skins_of(block: &MuscleBlock) -> Skins {
+    [Skin::cut_in_two(block), Skin::cut_in_four(block)]
+}
+
+/// A muscle before it met its neighbours.
+struct Alone {
+    /// Nodes of the surface, where they were and which way was out.
+    nodes: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
+    volume: f64,
+}
+
+impl Alone {
+    fn of(skins: &Skins, block: &MuscleBlock) -> Alone {
+        let place = |n: u32| Vector3::from(block.points[n as usize]);
+        let nodes = skins[0].node_normals().map(|(n, normal)| (n, place(n), normal)).collect();
+        Alone { nodes, volume: block.volume() }
+    }
+
+    /// Mean and largest way of the nodes along their normals \[m\]: nodes also slide along the surface, which changes nothing.
+    fn moved(&self, block: &MuscleBlock) -> [f64; 2] {
+        let way = |(n, from, normal): &(u32, Vector3<f64>, Vector3<f64>)| {
+            (Vector3::from(block.points[*n as usize]) - from).dot(normal).abs()
+        };
+        let ways = self.nodes.iter().map(way);
+        let mean = ways.clone().sum::<f64>() / self.nodes.len() as f64;
+        [mean, ways.fold(0.0, f64::max)]
+    }
 }
 
 /// Where the mesh of a muscle ends: at s = 1, or before a last interval whose borders advance too differently.
@@ -280,52 +322,53 @@ fn is_good(quality: &Quality) -> bool {
         && quality.least_gauss_det > 0.0
 }
 
-fn skin(block: &MuscleBlock) -> Skin {
-    let (surface, nodes) = Surface::from_faces(&block.points, &block.surface());
-    Skin::new(surface, nodes)
-}
-
 /// Pairs of muscles and pairs of muscle and bone whose boxes come within the view.
-fn near_pairs(skins: &[Skin], bones: &[Skin]) -> (Vec<[usize; 2]>, Vec<[usize; 2]>) {
+fn near_pairs(skins: &[Skins], bones: &[Skin]) -> (Vec<[usize; 2]>, Vec<[usize; 2]>) {
     let mut between = Vec::new();
     let mut to_bone = Vec::new();
-    for (i, skin) in skins.iter().enumerate() {
-        between.extend((i + 1..skins.len()).filter(|&j| skin.is_near(&skins[j], VIEW)).map(|j| [i, j]));
+    for (i, [skin, _]) in skins.iter().enumerate() {
+        between.extend((i + 1..skins.len()).filter(|&j| skin.is_near(&skins[j][0], VIEW)).map(|j| [i, j]));
         to_bone.extend((0..bones.len()).filter(|&j| skin.is_near(&bones[j], VIEW)).map(|j| [i, j]));
     }
     (between, to_bone)
 }
 
 /// Gives every muscle the planes of its neighbours, and returns the least distances \[m\] (at most the view) between two muscles,
-/// and from a muscle but for its end layers to a bone.
-fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skin], bones: &[Skin]) -> [f64; 2] {
+/// and from a muscle but for its end layers to a bone; both readings of the surfaces count.
+fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skins], bones: &[Skin]) -> [f64; 2] {
     let (between, to_bone) = near_pairs(skins, bones);
     let aim = AIM * GOALS.gap;
+    let in_both = |pairs: Vec<[usize; 2]>| {
+        pairs.into_iter().flat_map(|[i, j]| [(i, j, 0), (i, j, 1)]).collect::<Vec<_>>()
+    };
+    let (between, to_bone) = (in_both(between), in_both(to_bone));
     let of_muscles: Vec<(Planes, f64)> = between
         .par_iter()
-        .map(|&[i, j]| {
-            let pairs = skins[i].search.pairs_within(&skins[j].search, VIEW);
+        .map(|&(i, j, reading)| {
+            let (a, b) = (&skins[i][reading], &skins[j][reading]);
+            let pairs = a.search.pairs_within(&b.search, VIEW);
             let least = pairs.iter().map(|p| p.closest.distance).fold(VIEW, f64::min);
-            (planes(&skins[i], &skins[j], &pairs, aim, 0.5), least)
+            (planes(a, b, &pairs, aim, 0.5), least)
         })
         .collect();
     let of_bones: Vec<(Planes, f64)> = to_bone
         .par_iter()
-        .map(|&[i, j]| {
-            let mut pairs = skins[i].search.pairs_within(&bones[j].search, VIEW);
-            pairs.retain(|p| !skins[i].nodes_of(p.a).iter().any(|&n| muscles[i].0.is_end(n)));
+        .map(|&(i, j, reading)| {
+            let (skin, bone) = (&skins[i][reading], &bones[j]);
+            let mut pairs = skin.search.pairs_within(&bone.search, VIEW);
+            pairs.retain(|p| !skin.nodes_of(p.a).any(|n| muscles[i].0.is_end(n)));
             let least = pairs.iter().map(|p| p.closest.distance).fold(VIEW, f64::min);
-            (planes(&skins[i], &bones[j], &pairs, aim, 1.0), least)
+            (planes(skin, bone, &pairs, aim, 1.0), least)
         })
         .collect();
     muscles.iter_mut().for_each(|(m, _)| m.planes.clear());
     let (mut to_muscles, mut to_bones) = (VIEW, VIEW);
-    for ([i, j], (planes, distance)) in between.into_iter().zip(of_muscles) {
+    for ((i, j, _), (planes, distance)) in between.into_iter().zip(of_muscles) {
         muscles[i].0.planes.extend(planes.a);
         muscles[j].0.planes.extend(planes.b);
         to_muscles = to_muscles.min(distance);
     }
-    for ([i, _], (planes, distance)) in to_bone.into_iter().zip(of_bones) {
+    for ((i, ..), (planes, distance)) in to_bone.into_iter().zip(of_bones) {
         // Attached ends may reach into their bone.
         let m = &mut muscles[i].0;
         let free: Vec<_> = planes.a.into_iter().filter(|p| !p.nodes.iter().any(|&n| m.is_end(n))).collect();
@@ -335,13 +378,16 @@ fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skin], bones: &[Skin])
     [to_muscles, to_bones]
 }
 
-/// Least distance of every muscle to another \[m\], and which.
-fn least_gaps(skins: &[Skin]) -> Vec<Option<(f64, usize)>> {
+/// Least distance of every muscle to another in both readings \[m\], and which.
+fn least_gaps(skins: &[Skins]) -> Vec<Option<(f64, usize)>> {
     let pairs: Vec<[usize; 2]> =
         (0..skins.len()).flat_map(|i| (i + 1..skins.len()).map(move |j| [i, j])).collect();
     let distances: Vec<Option<f64>> = pairs
         .par_iter()
-        .map(|&[i, j]| skins[i].search.least_gap(&skins[j].search).map(|gap| gap.closest.distance))
+        .map(|&[i, j]| {
+            let gap = |r: usize| skins[i][r].search.least_gap(&skins[j][r].search);
+            (0..2).filter_map(gap).map(|gap| gap.closest.distance).min_by(f64::total_cmp)
+        })
         .collect();
     let mut gaps: Vec<Option<(f64, usize)>> = vec![None; skins.len()];
     for ([i, j], distance) in pairs.into_iter().zip(distances) {
@@ -355,30 +401,38 @@ fn least_gaps(skins: &[Skin]) -> Vec<Option<(f64, usize)>> {
     gaps
 }
 
-/// Where muscles reach into bones: exact test of the triangles, and the deepest node of each in the other.
-fn crossings(muscles: &[MuscleResult], skins: &[Skin], bones: &[Skin]) -> Vec<BoneCrossing> {
+/// Where muscles reach into bones: exact test of the triangles, and the deepest point of each in the other, in both readings.
+fn crossings(muscles: &[MuscleResult], skins: &[Skins], bones: &[Skin]) -> Vec<BoneCrossing> {
     let (_, to_bone) = near_pairs(skins, bones);
     let found: Vec<Option<BoneCrossing>> = to_bone
         .par_iter()
         .map(|&[muscle, bone]| {
-            let (skin, other) = (&skins[muscle], &bones[bone]);
-            let met = skin.search.intersections(&other.search);
-            if met.is_empty() {
-                return None;
+            let (block, other) = (&muscles[muscle].block, &bones[bone]);
+            let layer = |n: u32| (n as usize / block.nodes_per_section).min(block.n_layers() - 2);
+            let mut crossing: Option<BoneCrossing> = None;
+            for skin in &skins[muscle] {
+                let met = skin.search.intersections(&other.search);
+                if met.is_empty() {
+                    continue;
+                }
+                let depth = |inner: &Skin, outer: &Skin| {
+                    let signed = SignedDistance::new(&outer.search).expect("a skin is closed");
+                    signed.of(&inner.search.surface().points).iter().map(|d| -d.distance).fold(0.0, f64::max)
+                };
+                let depth = depth(skin, other).max(depth(other, skin));
+                let lowest = |t: u32| skin.nodes_of(t).map(layer).min().expect("a triangle has nodes");
+                let at = met.iter().map(|&(triangle, _)| lowest(triangle));
+                let layers = at.fold([usize::MAX, 0], |[a, b], l| [a.min(l), b.max(l)]);
+                crossing = Some(match crossing {
+                    None => BoneCrossing { muscle, bone, depth, layers },
+                    Some(c) => BoneCrossing {
+                        depth: depth.max(c.depth),
+                        layers: [layers[0].min(c.layers[0]), layers[1].max(c.layers[1])],
+                        ..c
+                    },
+                });
             }
-            let depth = |inner: &Skin, outer: &Skin| {
-                let signed = SignedDistance::new(&outer.search).expect("a skin is closed");
-                signed.of(&inner.search.surface().points).iter().map(|d| -d.distance).fold(0.0, f64::max)
-            };
-            let block = &muscles[muscle].block;
-            let layers = met.iter().map(|&(triangle, _)| {
-                let corners = skin.search.surface().triangles[triangle as usize];
-                let lowest = corners.map(|p| skin.nodes[p as usize] as usize / block.nodes_per_section);
-                lowest.into_iter().min().unwrap_or(0).min(block.n_layers() - 2)
-            });
-            let layers = layers.fold([usize::MAX, 0], |[a, b], l| [a.min(l), b.max(l)]);
-            let depth = depth(skin, other).max(depth(other, skin));
-            Some(BoneCrossing { muscle, bone, depth, layers })
+            crossing
         })
         .collect();
     found.into_iter().flatten().collect()

@@ -4,20 +4,57 @@
 //! and each side has to stay half the wanted gap away from it. Where surfaces cross, every point inside the other body and the
 //! point of the surface nearest to it trade sides in the same way. The planes are found again after every round of smoothing, so that
 //! the softer side gives way.
+//!
+//! Four nodes are not in one plane: a quadrilateral is read as two triangles along a diagonal (as files of surfaces want it) and as four
+//! about the mean of its corners (as contact has it, [`crate::contact::surface`]). Surfaces are kept apart in both readings.
 
 use nalgebra::Vector3;
 
 use super::smooth::Plane;
+use super::{Bone, MuscleBlock};
 use crate::geometry::{Gap, SearchSurface, SignedDistance, Surface};
+use crate::mesh::unique_nodes;
 
-/// A closed surface that is searched for neighbours, with the node of every point and mean normals at the points.
+/// A closed surface that is searched for neighbours, with its points as means of nodes and mean normals at the points.
 #[derive(Clone, Debug)]
 pub struct Skin {
     /// The triangles.
     pub search: SearchSurface,
-    /// Mesh node of every point.
-    pub nodes: Vec<u32>,
+    /// What every point is a mean of.
+    means: Vec<NodeMean>,
     normals: Vec<Vector3<f64>>,
+}
+
+/// A weighted mean of at most four nodes; nodes without weight may repeat others.
+#[derive(Clone, Copy, Debug)]
+struct NodeMean {
+    nodes: [u32; 4],
+    weights: [f64; 4],
+}
+
+impl NodeMean {
+    fn node(n: u32) -> NodeMean {
+        NodeMean { nodes: [n; 4], weights: [1.0, 0.0, 0.0, 0.0] }
+    }
+
+    fn at(&self, points: &[[f64; 3]]) -> Vector3<f64> {
+        (0..4).map(|i| Vector3::from(points[self.nodes[i] as usize]) * self.weights[i]).sum()
+    }
+
+    /// Mean of means of altogether four nodes at most.
+    fn of(parts: [(&NodeMean, f64); 3]) -> NodeMean {
+        let mut sum = NodeMean { nodes: [parts[0].0.nodes[0]; 4], weights: [0.0; 4] };
+        let mut n = 0;
+        for (mean, share) in parts {
+            for (&node, weight) in mean.nodes.iter().zip(mean.weights).filter(|(_, weight)| *weight != 0.0) {
+                let slot = sum.nodes[..n].iter().position(|&known| known == node).unwrap_or(n);
+                sum.nodes[slot] = node;
+                sum.weights[slot] += share * weight;
+                n = n.max(slot + 1);
+            }
+        }
+        sum
+    }
 }
 
 /// Planes for the two sides of close and crossing places.
@@ -29,10 +66,9 @@ pub struct Planes {
     pub b: Vec<Plane>,
 }
 
-/// A point of a skin as weighted mean of three nodes.
+/// A point of a skin.
 struct Spot {
-    nodes: [u32; 3],
-    weights: [f64; 3],
+    mean: NodeMean,
     point: Vector3<f64>,
     normal: Vector3<f64>,
 }
@@ -47,15 +83,42 @@ const FARTHEST: f64 = 0.4e-3;
 const DEEPEST: f64 = 5e-3;
 
 impl Skin {
-    /// Of a closed surface; `nodes`: the mesh node of every point.
-    pub fn new(surface: Surface, nodes: Vec<u32>) -> Skin {
+    /// Of a muscle with its quadrilaterals cut in two along the diagonal of the smallest node.
+    pub fn cut_in_two(block: &MuscleBlock) -> Skin {
+        let (surface, nodes) = Surface::from_faces(&block.points, &block.surface());
+        Skin::new(surface, nodes.into_iter().map(NodeMean::node).collect())
+    }
+
+    /// Of a muscle with its quadrilaterals cut in four about the means of their corners.
+    pub fn cut_in_four(block: &MuscleBlock) -> Skin {
+        let faces = block.surface();
+        let nodes = unique_nodes(faces.iter().flatten().copied());
+        let number = |n: u32| nodes.binary_search(&n).expect("nodes of the faces") as u32;
+        let mut triangles = Vec::with_capacity(4 * faces.len());
+        for (centre, face) in (nodes.len() as u32..).zip(&faces) {
+            let corners = face.map(number);
+            triangles.extend((0..4).map(|k| [corners[k], corners[(k + 1) % 4], centre]));
+        }
+        let centres = faces.iter().map(|&nodes| NodeMean { nodes, weights: [0.25; 4] });
+        let means: Vec<NodeMean> = nodes.iter().map(|&n| NodeMean::node(n)).chain(centres).collect();
+        let points = means.iter().map(|m| m.at(&block.points).into()).collect();
+        Skin::new(Surface { points, triangles }, means)
+    }
+
+    /// Of a bone, which does not move.
+    pub fn of_bone(bone: &Bone) -> Skin {
+        let n = bone.surface.points.len() as u32;
+        Skin::new(bone.surface.clone(), (0..n).map(NodeMean::node).collect())
+    }
+
+    fn new(surface: Surface, means: Vec<NodeMean>) -> Skin {
         let normals = point_normals(&surface);
-        Skin { search: SearchSurface::new(surface), nodes, normals }
+        Skin { search: SearchSurface::new(surface), means, normals }
     }
 
     /// Follows the nodes.
     pub fn update(&mut self, points: &[[f64; 3]]) {
-        let here: Vec<[f64; 3]> = self.nodes.iter().map(|&n| points[n as usize]).collect();
+        let here: Vec<[f64; 3]> = self.means.iter().map(|m| m.at(points).into()).collect();
         self.search.set_points(&here);
         self.normals = point_normals(self.search.surface());
     }
@@ -67,9 +130,16 @@ impl Skin {
         (0..3).all(|i| low[i] - d <= other_high[i] && other_low[i] - d <= high[i])
     }
 
-    /// Mesh nodes of a triangle.
-    pub fn nodes_of(&self, triangle: u32) -> [u32; 3] {
-        self.search.surface().triangles[triangle as usize].map(|p| self.nodes[p as usize])
+    /// Mesh nodes that move a triangle; some may come twice.
+    pub fn nodes_of(&self, triangle: u32) -> impl Iterator<Item = u32> + '_ {
+        let corners = self.search.surface().triangles[triangle as usize];
+        corners.into_iter().flat_map(|p| self.means[p as usize].nodes)
+    }
+
+    /// Mean normal at every mesh node that is a point of the surface.
+    pub fn node_normals(&self) -> impl Iterator<Item = (u32, Vector3<f64>)> + '_ {
+        let nodes = self.means.iter().zip(&self.normals).filter(|(mean, _)| mean.weights[0] == 1.0);
+        nodes.map(|(mean, normal)| (mean.nodes[0], *normal))
     }
 
     fn spot(&self, triangle: u32, point: &Vector3<f64>) -> Spot {
@@ -77,18 +147,13 @@ impl Skin {
         let corners = surface.triangles[triangle as usize];
         let weights = barycentric(&surface.corners(triangle as usize), point);
         let normal: Vector3<f64> = (0..3).map(|i| self.normals[corners[i] as usize] * weights[i]).sum();
-        Spot {
-            nodes: corners.map(|p| self.nodes[p as usize]),
-            weights,
-            point: *point,
-            normal: normal.normalize(),
-        }
+        let mean = NodeMean::of([0, 1, 2].map(|i| (&self.means[corners[i] as usize], weights[i])));
+        Spot { mean, point: *point, normal: normal.normalize() }
     }
 
     fn corner(&self, point: usize) -> Spot {
         Spot {
-            nodes: [self.nodes[point]; 3],
-            weights: [1.0, 0.0, 0.0],
+            mean: self.means[point],
             point: Vector3::from(self.search.surface().points[point]),
             normal: self.normals[point],
         }
@@ -116,8 +181,8 @@ pub fn planes(a: &Skin, b: &Skin, pairs: &[Gap], gap: f64, share: f64) -> Planes
     let mut planes = Planes::default();
     let mut add = |on_a: &Spot, on_b: &Spot, normal: Vector3<f64>, apart: f64| {
         let plane = |spot: &Spot, normal: Vector3<f64>, way: f64| Plane {
-            nodes: spot.nodes,
-            weights: spot.weights,
+            nodes: spot.mean.nodes,
+            weights: spot.mean.weights,
             normal,
             offset: normal.dot(&spot.point) - way,
         };

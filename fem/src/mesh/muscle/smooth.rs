@@ -36,13 +36,13 @@ const REACH: f64 = 0.3;
 /// Decrease of the objective that ends a minimisation early, per cell.
 const TOLERANCE: f64 = 1e-7;
 
-/// A plane that a point of a surface triangle must not cross.
+/// A plane that a point of a surface face must not cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// Corners of the triangle.
-    pub nodes: [u32; 3],
-    /// The point as weighted mean of the corners.
-    pub weights: [f64; 3],
+    /// Nodes of the face.
+    pub nodes: [u32; 4],
+    /// The point as weighted mean of the nodes.
+    pub weights: [f64; 4],
     /// Unit normal, away from this muscle.
     pub normal: Vector3<f64>,
     /// Largest allowed `normal · point` \[m\].
@@ -286,12 +286,12 @@ impl Smoother {
             gradient[*node as usize] += away * (2.0 * ANCHOR_WEIGHT / ANCHOR_DISTANCE);
         }
         for plane in &self.planes {
-            let point: Vector3<f64> = (0..3).map(|i| x[plane.nodes[i] as usize] * plane.weights[i]).sum();
+            let point: Vector3<f64> = (0..4).map(|i| x[plane.nodes[i] as usize] * plane.weights[i]).sum();
             let trespass = (plane.normal.dot(&point) - plane.offset) / PLANE_DISTANCE;
             if trespass > 0.0 {
                 sum += PLANE_WEIGHT * trespass * trespass;
                 let slope = plane.normal * (2.0 * PLANE_WEIGHT * trespass / PLANE_DISTANCE);
-                for i in 0..3 {
+                for i in 0..4 {
                     gradient[plane.nodes[i] as usize] += slope * plane.weights[i];
                 }
             }
