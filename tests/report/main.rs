@@ -1,5 +1,6 @@
-//! Are the files of `optimize` what they claim to be: tables, OpenSim storage files, the page, a killed run?
+//! Are the files of `optimize` and the page of `compare` what they claim to be: tables, OpenSim storage files, pages, a killed run?
 
+mod compare;
 mod html;
 mod walk;
 

@@ -14,10 +14,12 @@ use crate::compare::{CompareError, Configuration, StressFree, configuration, dri
 use crate::error::CommandError;
 use crate::optimize::{OptimizeOptions, optimize};
 use crate::output::atomic::OutputFolder;
-use crate::output::run::{self, RunRecord, RunStatus};
+use crate::output::compare::write_compare;
+use crate::output::run::{RunRecord, RunStatus};
 use crate::registration::{MeshFrames, Registration};
+use crate::report::compare::{CompareReport, Computed};
 use crate::steps::{RigidStep, StepName, rigid_step};
-use crate::thigh::build::{Thigh, ThighEffects};
+use crate::thigh::build::ThighEffects;
 use crate::thigh::built_in;
 use crate::thigh::lines::lines_of_muscles;
 
@@ -114,7 +116,7 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
     lap(&mut record, "calibration");
 
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/compare-walker"));
-    let mut out = OutputFolder::open(&folder)?;
+    let out = OutputFolder::open(&folder)?;
     let stress_free = match arguments.stress_free {
         StressFreeChoice::Standing => StressFree::Standing,
         StressFreeChoice::HeelStrike => StressFree::HeelStrike,
@@ -124,105 +126,58 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
         let done = configuration(plan, thigh, &drive, &steps, &SETTINGS, &folder.join(name))?;
         Ok::<_, CommandError>(done)
     };
-    let mut results: [Option<Configuration>; 2] = [None, None];
+    let mut alone: Option<Configuration> = None;
+    let mut touching: Option<(Plan, Configuration)> = None;
     if arguments.contact != ContactChoice::With {
-        results[0] = Some(compute(&plan, "no_contact")?);
+        alone = Some(compute(&plan, "no_contact")?);
         lap(&mut record, "without contact");
     }
     if arguments.contact != ContactChoice::Without {
-        let mut touching = thigh.clone();
-        touching.add_contact(&made.bones, &made.attachments);
-        let plan = Plan::new(&touching.scene, touching.mesh).map_err(|e| failed(&e))?;
-        results[1] = Some(compute(&plan, "contact")?);
+        let mut with = thigh.clone();
+        with.add_contact(&made.bones, &made.attachments);
+        let plan = Plan::new(&with.scene, with.mesh).map_err(|e| failed(&e))?;
+        let done = compute(&plan, "contact")?;
+        touching = Some((plan, done));
         lap(&mut record, "with contact");
     }
 
-    let outcome = verdict(&results, &steps, &mut record);
-    out.write("comparison.csv", |w| write_comparison(w, thigh, &steps, &results))?;
-    record.threads = rayon::current_num_threads();
-    record.files = out.files().to_vec();
-    record.peak_memory_mib = run::peak_memory_mib();
-    out.finish(&record)?;
-    let _ = print(&mut std::io::stdout().lock(), thigh, &steps, &results, &record, &folder);
-    Ok(outcome)
-}
-
-/// Solved only if every step of every configuration is, and no muscles intersect where contact forbids it.
-fn verdict(results: &[Option<Configuration>; 2], steps: &[RigidStep], record: &mut RunRecord) -> Outcome {
-    let mut reasons: Vec<String> = Vec::new();
-    for (with, result) in results.iter().enumerate() {
-        let Some(result) = result else { continue };
-        let which = ["without contact", "with contact"][with];
-        reasons.extend(result.run.errors.iter().map(|e| format!("{which}: {e}")));
-        if result.steps.len() < steps.len() && result.run.errors.is_empty() {
-            reasons.push(format!("{which}: {} of {} steps", result.steps.len(), steps.len()));
-        }
-        if with == 1 {
-            reasons.extend(result.intersections.iter().map(|i| format!("{which}: {i} intersect")));
-        }
+    let touching = touching.as_ref().map(|(plan, result)| Computed { plan, result });
+    let alone = alone.as_ref().map(|result| Computed { plan: &plan, result });
+    let settings = [("Resolution".to_string(), format!("{} mm", arguments.resolution))];
+    let frames = MeshFrames::built_in();
+    let report = CompareReport {
+        name: "walker",
+        thigh,
+        bones: &made.bones,
+        mid_thigh: 0.5 * (frames.hip.y + frames.knee.y),
+        steps: &steps,
+        configurations: [alone, touching],
+        settings: &settings,
+        simulated: &[],
+        left_out: &[],
+        seconds: &record.seconds.clone(),
+    };
+    let shortcomings = report.shortcomings();
+    if !shortcomings.is_empty() {
+        record.status = RunStatus::NotConverged;
+        record.reason = Some(shortcomings.join("; "));
     }
-    if reasons.is_empty() {
-        return Outcome::Solved;
-    }
-    record.status = RunStatus::NotConverged;
-    record.reason = Some(reasons.join("; "));
-    Outcome::NotSolved
-}
-
-/// Forces of a muscle at a step in both configurations.
-fn cells(
-    results: &[Option<Configuration>; 2],
-    step: usize,
-    muscle: usize,
-) -> [Option<crate::compare::MuscleForce>; 2] {
-    [0, 1].map(|c| results[c].as_ref().and_then(|r| r.steps.get(step)).map(|s| s.muscles[muscle]))
-}
-
-fn write_comparison(
-    w: &mut dyn Write,
-    thigh: &Thigh,
-    steps: &[RigidStep],
-    results: &[Option<Configuration>; 2],
-) -> std::io::Result<()> {
-    writeln!(
-        w,
-        "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
-         fibre_N,matrix_N,shell_N"
-    )?;
-    for (k, step) in steps.iter().enumerate() {
-        let rigid = wanted(thigh, step);
-        for (i, muscle) in thigh.muscles.iter().enumerate() {
-            let activation = step.activation(&muscle.name);
-            let fe = cells(results, k, i);
-            let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.3}"));
-            let parts = fe[1].or(fe[0]);
-            let columns = [
-                number(Some(rigid[i])),
-                number(fe[0].map(|f| f.total)),
-                number(fe[1].map(|f| f.total)),
-                number(fe[0].map(|f| f.total - rigid[i])),
-                number(fe[1].map(|f| f.total - rigid[i])),
-                number(parts.map(|f| f.fibre)),
-                number(parts.map(|f| f.matrix)),
-                number(parts.map(|f| f.shell)),
-            ];
-            writeln!(w, "{},{},{activation:.4},{}", step.name.name(), muscle.name, columns.join(","))?;
-        }
-    }
-    Ok(())
+    let record = write_compare(out, &report, record)?;
+    let _ = print(&mut std::io::stdout().lock(), &report, &record, &folder);
+    Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
 }
 
 fn print(
     w: &mut impl Write,
-    thigh: &Thigh,
-    steps: &[RigidStep],
-    results: &[Option<Configuration>; 2],
+    report: &CompareReport,
     record: &RunRecord,
     folder: &Path,
 ) -> std::io::Result<()> {
+    let thigh = report.thigh;
     let elements: usize = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum();
     writeln!(w, "{} muscles, {elements} elements, {} nodes", thigh.muscles.len(), thigh.mesh.points.len())?;
-    for (k, step) in steps.iter().enumerate() {
+    let differences = report.differences();
+    for (k, step) in report.steps.iter().enumerate() {
         writeln!(
             w,
             "\n{} ({:.3} s, knee {:.0} degrees)",
@@ -235,28 +190,20 @@ fn print(
             "  {:<28}{:>10}{:>10}{:>14}{:>14}",
             "muscle", "activation", "rigid N", "FE no contact", "FE contact"
         )?;
-        let rigid = wanted(thigh, step);
-        for (i, muscle) in thigh.muscles.iter().enumerate() {
-            let activation = step.activation(&muscle.name);
-            let show =
-                |f: Option<crate::compare::MuscleForce>| f.map_or("-".into(), |f| format!("{:.1}", f.total));
-            let [without, with] = cells(results, k, i).map(show);
-            writeln!(w, "  {:<28}{activation:>10.3}{:>10.1}{without:>14}{with:>14}", muscle.name, rigid[i])?;
+        for row in report.rows(k) {
+            let [without, with] = row.fe.map(|f| f.map_or("-".into(), |f| format!("{:.1}", f.total)));
+            writeln!(
+                w,
+                "  {:<28}{:>10.3}{:>10.1}{without:>14}{with:>14}",
+                row.muscle, row.activation, row.rigid
+            )?;
         }
-        for (c, name) in ["without contact", "with contact"].iter().enumerate() {
-            let away: Vec<f64> = (0..rigid.len())
-                .filter_map(|i| Some((cells(results, k, i)[c]?.total - rigid[i]).abs()))
-                .collect();
-            if !away.is_empty() {
-                let mean = away.iter().sum::<f64>() / away.len() as f64;
-                let most = away.iter().fold(0.0_f64, |m, v| m.max(*v));
-                let shared = results[c].as_ref().and_then(|r| r.overlaps.get(k)).copied().unwrap_or(0.0);
-                writeln!(
-                    w,
-                    "  {name}: mean difference {mean:.1} N, largest {most:.1} N; muscles share {:.1} cm3",
-                    shared * 1e6
-                )?;
-            }
+        for d in differences.iter().filter(|d| d.step == step.name) {
+            writeln!(
+                w,
+                "  {}: mean difference {:.1} N ({:.1} N of all), largest {:.1} N ({}); muscles share {:.1} cm3",
+                d.configuration, d.mean, d.mean_of_all, d.largest, d.largest_muscle, d.shared_volume
+            )?;
         }
     }
     writeln!(w)?;
@@ -266,5 +213,5 @@ fn print(
     if let Some(reason) = &record.reason {
         writeln!(w, "not converged: {reason}")?;
     }
-    writeln!(w, "files in {}", folder.display())
+    writeln!(w, "files in {}, open report.html there", folder.display())
 }

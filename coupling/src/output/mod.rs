@@ -1,6 +1,7 @@
 //! What a run writes: tables, files for OpenSim users, the report page and, last of all, `run.json`.
 
 pub mod atomic;
+pub mod compare;
 pub mod mesh;
 pub mod run;
 pub mod sto;

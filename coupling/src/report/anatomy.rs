@@ -44,13 +44,17 @@ const SECTION_SCALE: f64 = 3600.0;
 /// Margin around a picture in pixels.
 const MARGIN: f64 = 40.0;
 
-/// Colour of muscle `i` as hue, saturation and lightness: neighbours in the list differ by the golden angle.
-fn colour(i: usize, light: f64) -> String {
-    let hue = (20.0 + 137.508 * i as f64) % 360.0;
-    format!("hsl({hue:.0} 52% {:.0}%)", 32.0 + 34.0 * light)
+/// Hue of muscle `i` in degrees: neighbours in the list differ by the golden angle.
+pub(super) fn hue(i: usize) -> f64 {
+    (20.0 + 137.508 * i as f64) % 360.0
 }
 
-fn bone_colour(light: f64) -> String {
+/// Colour of muscle `i` as hue, saturation and lightness.
+fn colour(i: usize, light: f64) -> String {
+    format!("hsl({:.0} 52% {:.0}%)", hue(i), 32.0 + 34.0 * light)
+}
+
+pub(super) fn bone_colour(light: f64) -> String {
     format!("hsl(42 28% {:.0}%)", 60.0 + 32.0 * light)
 }
 
@@ -187,7 +191,7 @@ fn crossing(a: Vector3<f64>, b: Vector3<f64>, y: f64) -> Option<Vector3<f64>> {
 }
 
 /// Closed lines in which a closed surface meets the plane of height `y`.
-fn surface_section(surface: &Surface, y: f64) -> Vec<Vec<Vector3<f64>>> {
+pub(super) fn surface_section(surface: &Surface, y: f64) -> Vec<Vec<Vector3<f64>>> {
     // Every cut triangle leads from one cut edge to another; edges are named by their points.
     let mut next: BTreeMap<[u32; 2], ([u32; 2], Vector3<f64>)> = BTreeMap::new();
     for (t, corners) in surface.triangles.iter().enumerate() {

@@ -6,11 +6,16 @@ use super::svg::escape;
 
 /// The whole document around `body`, which is HTML already.
 pub fn document(title: &str, body: &str) -> String {
+    document_with(title, body, "")
+}
+
+/// A [`document`] with a script of its own.
+pub fn document_with(title: &str, body: &str, script: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}</main>\n\
-         <div id=\"tip\" hidden></div>\n<script>\n{}</script>\n</body>\n</html>\n",
+         <div id=\"tip\" hidden></div>\n<script>\n{}{script}</script>\n</body>\n</html>\n",
         escape(title),
         include_str!("style.css"),
         include_str!("hover.js"),

@@ -91,7 +91,7 @@ pub struct Thigh {
 }
 
 /// Segment that carries a bone of the tables.
-fn segment_of(bone: &str) -> Option<&'static str> {
+pub fn segment_of(bone: &str) -> Option<&'static str> {
     Some(match bone {
         "hip_bone" | "sacrum" => "pelvis",
         "femur" => "thigh",

@@ -1,0 +1,78 @@
+//! What `compare` writes beside the frames of its configurations: the table, forces for OpenSim users, the page.
+
+use std::io::{self, Write};
+
+use super::atomic::OutputFolder;
+use super::run::{self, RunRecord};
+use super::tables::Series;
+use super::{OutputError, sto};
+use crate::report::compare::{CompareReport, compare_page};
+
+/// Writes tables, page and, last of all, `run.json` into `out`.
+pub fn write_compare(
+    mut out: OutputFolder,
+    report: &CompareReport,
+    mut record: RunRecord,
+) -> Result<RunRecord, OutputError> {
+    out.write("comparison.csv", |w| write_comparison(w, report))?;
+    for (c, name) in ["fe_forces_no_contact", "fe_forces_contact"].into_iter().enumerate() {
+        let file = format!("{name}.sto");
+        match forces(report, |row| row.fe[c].map_or(f64::NAN, |f| f.total)) {
+            series if report.configurations[c].is_some() => {
+                out.write(&file, |w| sto::write(w, &format!("{} {name}", report.name), &series, false))?
+            }
+            _ => out.remove(&file)?,
+        }
+    }
+    let rigid = forces(report, |row| row.rigid);
+    out.write("rigid_forces.sto", |w| {
+        sto::write(w, &format!("{} rigid_forces", report.name), &rigid, false)
+    })?;
+    let page = compare_page(report);
+    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    record.verdict = serde_json::to_value(report.differences()).ok();
+    record.threads = rayon::current_num_threads();
+    record.files = out.files().to_vec();
+    record.peak_memory_mib = run::peak_memory_mib();
+    out.finish(&record)?;
+    Ok(record)
+}
+
+/// A force per muscle at the time of each step.
+fn forces(report: &CompareReport, force: impl Fn(&crate::report::compare::Row) -> f64) -> Series {
+    let rows: Vec<_> = (0..report.steps.len()).map(|k| report.rows(k)).collect();
+    let column = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
+        (muscle.name.clone(), rows.iter().map(|r| force(&r[i])).collect())
+    };
+    Series {
+        time: report.steps.iter().map(|s| s.time).collect(),
+        columns: report.thigh.muscles.iter().enumerate().map(column).collect(),
+    }
+}
+
+/// `comparison.csv`: a row per step and muscle; the parts are those with contact where there is contact.
+fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()> {
+    writeln!(
+        w,
+        "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
+         fibre_N,matrix_N,shell_N"
+    )?;
+    for (k, step) in report.steps.iter().enumerate() {
+        for row in report.rows(k) {
+            let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.3}"));
+            let parts = row.fe[1].or(row.fe[0]);
+            let columns = [
+                number(Some(row.rigid)),
+                number(row.fe[0].map(|f| f.total)),
+                number(row.fe[1].map(|f| f.total)),
+                number(row.difference(0)),
+                number(row.difference(1)),
+                number(parts.map(|f| f.fibre)),
+                number(parts.map(|f| f.matrix)),
+                number(parts.map(|f| f.shell)),
+            ];
+            writeln!(w, "{},{},{:.4},{}", step.name.name(), row.muscle, row.activation, columns.join(","))?;
+        }
+    }
+    Ok(())
+}

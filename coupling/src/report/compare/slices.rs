@@ -1,0 +1,214 @@
+//! Sections through the middle of the thigh: what muscles do to each other without contact, and with it.
+
+use std::fmt::Write;
+
+use fem::body::Pose;
+use fem::geometry::Surface;
+use fem::mesh::muscle::Bone;
+use fem::plan::Plan;
+use fem::run::Frame;
+use nalgebra::Point3;
+
+use super::{CONFIGURATIONS, CompareReport, Computed, frame_label, words};
+use crate::report::anatomy::{bone_colour, hue, surface_section};
+use crate::report::page::{grid, section};
+use crate::report::svg::{escape, fixed, px};
+use crate::thigh::build::segment_of;
+
+/// Pixels per m.
+const SCALE: f64 = 3200.0;
+/// Lines along which shared area is found are this far apart \[m\].
+const SPACING: f64 = 0.4e-3;
+const MARGIN: f64 = 12.0;
+
+/// Closed lines in the plane of the section: right of the body, front of the body \[m\].
+type Loops = Vec<Vec<[f64; 2]>>;
+
+/// Muscles and bones in the plane at one frame.
+struct Slice {
+    title: String,
+    muscles: Vec<Loops>,
+    bones: Vec<Loops>,
+}
+
+/// A figure per step and configuration, all of the same extent.
+pub(super) fn sections(report: &CompareReport) -> String {
+    let mut slices = Vec::new();
+    for k in 0..report.steps.len() {
+        for (c, computed) in report.configurations.iter().enumerate() {
+            let Some(Computed { plan, result }) = computed else { continue };
+            if let Some(frame) = result.run.frames.iter().find(|f| f.time == 1.0 + k as f64) {
+                slices.push(slice(report, c, plan, frame));
+            }
+        }
+    }
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for p in slices.iter().flat_map(|s| s.muscles.iter().chain(&s.bones)).flatten().flatten() {
+        for d in 0..2 {
+            (low[d], high[d]) = (low[d].min(p[d]), high[d].max(p[d]));
+        }
+    }
+    if low[0] > high[0] {
+        return String::new(); // nothing passes the plane
+    }
+    let figures: Vec<String> = slices.iter().map(|s| figure(report, s, low, high)).collect();
+    section(
+        "Sections through the middle of the thigh",
+        &format!(
+            "Seen from above at y = {} mm; the front of the body is at the top, its right side on the right. Where muscles lie in each other they are hatched in red.",
+            fixed(report.mid_thigh * 1e3, 0)
+        ),
+        &grid("half slices", &figures),
+    )
+}
+
+fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame) -> Slice {
+    let points = frame.x.as_chunks::<3>().0;
+    let flat = |surface: &Surface| -> Loops {
+        let loops = surface_section(surface, report.mid_thigh);
+        loops.into_iter().map(|l| l.into_iter().map(|p| [p.z, p.x]).collect()).collect()
+    };
+    let faces = |muscle: &str| &report.thigh.mesh.surfaces[&format!("{muscle}/surface")];
+    let bone = |bone: &Bone| {
+        let segment = segment_of(&bone.name)?;
+        let body = plan.bodies.iter().position(|b| b == segment);
+        let pose = body.map_or(Pose::identity(), |b| frame.load.poses[b]);
+        let points = bone.surface.points.iter().map(|p| (pose * Point3::from(*p)).coords.into()).collect();
+        Some(flat(&Surface { points, triangles: bone.surface.triangles.clone() }))
+    };
+    Slice {
+        title: format!("{}, {}", frame_label(report, frame.time, true), CONFIGURATIONS[c]),
+        muscles: report
+            .thigh
+            .muscles
+            .iter()
+            .map(|m| flat(&Surface::from_faces(points, faces(&m.name)).0))
+            .collect(),
+        bones: report.bones.iter().filter_map(bone).collect(),
+    }
+}
+
+fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) -> String {
+    let Slice { title, muscles, bones } = slice;
+    let shared = shared(muscles);
+    let area: f64 = shared.iter().map(|[_, from, to]| (to - from) * SPACING).sum();
+    let at = |p: [f64; 2]| [MARGIN + SCALE * (p[0] - low[0]), MARGIN + SCALE * (high[1] - p[1])];
+    let path = |loops: &Loops| {
+        let mut d = String::new();
+        for points in loops {
+            for (i, p) in points.iter().enumerate() {
+                let [x, y] = at(*p);
+                let _ = write!(d, "{}{} {}", if i == 0 { 'M' } else { 'L' }, px(x), px(y));
+            }
+            d.push('Z');
+        }
+        d
+    };
+    let mut out = format!(
+        "<figure><figcaption><b>{}</b><span class=\"note\">muscles share {} mm² of the section</span></figcaption>\
+         <svg class=\"slice\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"section, {}\">\n",
+        escape(title),
+        fixed(area * 1e6, 0),
+        px(SCALE * (high[0] - low[0]) + 2.0 * MARGIN),
+        px(SCALE * (high[1] - low[1]) + 2.0 * MARGIN),
+        escape(title)
+    );
+    for (i, loops) in muscles.iter().enumerate().filter(|(_, l)| !l.is_empty()) {
+        let _ = writeln!(
+            out,
+            "<path class=\"muscle\" style=\"fill:hsl({:.0} 50% 66%)\" d=\"{}\"><title>{}</title></path>",
+            hue(i),
+            path(loops),
+            escape(&words(&report.thigh.muscles[i].name))
+        );
+    }
+    let mut hatch = String::new();
+    for [front, from, to] in &shared {
+        let ([x, y], [end, _]) = (at([*from, *front]), at([*to, *front]));
+        let _ = write!(hatch, "M{} {}H{}", px(x), px(y), px(end));
+    }
+    if !hatch.is_empty() {
+        let _ = writeln!(out, "<path class=\"shared\" d=\"{hatch}\"/>");
+    }
+    for loops in muscles.iter().filter(|l| !l.is_empty()) {
+        let _ = writeln!(out, "<path class=\"outline\" d=\"{}\"/>", path(loops));
+    }
+    for loops in bones.iter().filter(|l| !l.is_empty()) {
+        let _ =
+            writeln!(out, "<path class=\"bone\" style=\"fill:{}\" d=\"{}\"/>", bone_colour(0.7), path(loops));
+    }
+    for (i, loops) in muscles.iter().enumerate() {
+        let Some(longest) = loops.iter().max_by_key(|l| l.len()) else { continue };
+        let n = longest.len() as f64;
+        let [x, y] = at(longest.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]));
+        let _ = writeln!(
+            out,
+            "<text class=\"mid label\" x=\"{}\" y=\"{}\">{}</text>",
+            px(x),
+            px(y + 3.0),
+            escape(&words(&report.thigh.muscles[i].name))
+        );
+    }
+    out.push_str("</svg></figure>");
+    out
+}
+
+/// Pieces \[height to the front, from, to; m\] of lines across the section that lie in two muscles or more.
+fn shared(muscles: &[Loops]) -> Vec<[f64; 3]> {
+    let heights = || muscles.iter().flatten().flatten().map(|p| p[1]);
+    let (low, high) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
+    let mut pieces = Vec::new();
+    if low > high {
+        return pieces;
+    }
+    for line in 0..((high - low) / SPACING).ceil() as usize {
+        let y = low + (line as f64 + 0.5) * SPACING;
+        // Where the line enters (+1) and leaves (-1) muscles.
+        let mut turns: Vec<(f64, i32)> = Vec::new();
+        for loops in muscles {
+            let mut crossings: Vec<f64> = loops
+                .iter()
+                .flat_map(|points| {
+                    let next = points.iter().cycle().skip(1);
+                    points.iter().zip(next).filter(|(a, b)| (a[1] < y) != (b[1] < y))
+                })
+                .map(|(a, b)| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+                .collect();
+            crossings.sort_unstable_by(f64::total_cmp);
+            for pair in crossings.as_chunks::<2>().0 {
+                turns.extend([(pair[0], 1), (pair[1], -1)]);
+            }
+        }
+        turns.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut inside, mut since) = (0, 0.0);
+        for (x, turn) in turns {
+            let before = inside;
+            inside += turn;
+            if before < 2 && inside >= 2 {
+                since = x;
+            } else if before >= 2 && inside < 2 && x > since {
+                pieces.push([y, since, x]);
+            }
+        }
+    }
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_share_what_their_overlap_measures() {
+        let square = |x: f64, y: f64, side: f64| {
+            vec![vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]]
+        };
+        let area = |muscles: &[Loops]| shared(muscles).iter().map(|[_, a, b]| (b - a) * SPACING).sum::<f64>();
+        let pair = [square(0.0, 0.0, 0.04), square(0.03, 0.01, 0.04)];
+        assert!((area(&pair) - 0.01 * 0.03).abs() < 0.01 * SPACING);
+        assert_eq!(area(&[square(0.0, 0.0, 0.04), square(0.05, 0.0, 0.04)]), 0.0);
+        // Three in one place count once.
+        let three = [square(0.0, 0.0, 0.04), square(0.0, 0.0, 0.04), square(0.0, 0.0, 0.04)];
+        assert!((area(&three) - 0.0016).abs() < 0.04 * SPACING);
+    }
+}
