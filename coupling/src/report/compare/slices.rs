@@ -91,7 +91,7 @@ fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame) -> Slice 
 fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) -> String {
     let Slice { title, muscles, bones } = slice;
     let shared = shared(muscles);
-    let area: f64 = shared.iter().map(|[_, from, to]| (to - from) * SPACING).sum();
+    let shared_area: f64 = shared.iter().map(|[_, from, to]| (to - from) * SPACING).sum();
     let at = |p: [f64; 2]| [MARGIN + SCALE * (p[0] - low[0]), MARGIN + SCALE * (high[1] - p[1])];
     let path = |loops: &Loops| {
         let mut d = String::new();
@@ -108,7 +108,7 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
         "<figure><figcaption><b>{}</b><span class=\"note\">muscles share {} mm² of the section</span></figcaption>\
          <svg class=\"slice\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"section, {}\">\n",
         escape(title),
-        fixed(area * 1e6, 0),
+        fixed(shared_area * 1e6, 0),
         px(SCALE * (high[0] - low[0]) + 2.0 * MARGIN),
         px(SCALE * (high[1] - low[1]) + 2.0 * MARGIN),
         escape(title)
@@ -138,9 +138,9 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
             writeln!(out, "<path class=\"bone\" style=\"fill:{}\" d=\"{}\"/>", bone_colour(0.7), path(loops));
     }
     for (i, loops) in muscles.iter().enumerate() {
-        let Some(longest) = loops.iter().max_by_key(|l| l.len()) else { continue };
-        let n = longest.len() as f64;
-        let [x, y] = at(longest.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]));
+        let largest = loops.iter().max_by(|a, b| area(a).abs().total_cmp(&area(b).abs()));
+        let Some(largest) = largest.filter(|l| area(l) != 0.0) else { continue };
+        let [x, y] = at(middle(largest));
         let _ = writeln!(
             out,
             "<text class=\"mid label\" x=\"{}\" y=\"{}\">{}</text>",
@@ -151,6 +151,23 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
     }
     out.push_str("</svg></figure>");
     out
+}
+
+/// Corners of every edge of a closed line with twice the area it spans with the origin.
+fn edges(points: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2], f64)> {
+    let next = points.iter().cycle().skip(1);
+    points.iter().zip(next).map(|(a, b)| (*a, *b, a[0] * b[1] - a[1] * b[0]))
+}
+
+/// Signed area within a closed line \[m²\].
+fn area(points: &[[f64; 2]]) -> f64 {
+    edges(points).map(|e| e.2).sum::<f64>() / 2.0
+}
+
+/// Centroid of the area within a closed line \[m\].
+fn middle(points: &[[f64; 2]]) -> [f64; 2] {
+    let scale = 1.0 / (6.0 * area(points));
+    [0, 1].map(|d| scale * edges(points).map(|(a, b, w)| (a[d] + b[d]) * w).sum::<f64>())
 }
 
 /// Pieces \[height to the front, from, to; m\] of lines across the section that lie in two muscles or more.
@@ -203,12 +220,15 @@ mod tests {
         let square = |x: f64, y: f64, side: f64| {
             vec![vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]]
         };
-        let area = |muscles: &[Loops]| shared(muscles).iter().map(|[_, a, b]| (b - a) * SPACING).sum::<f64>();
+        let shared_area =
+            |muscles: &[Loops]| shared(muscles).iter().map(|[_, a, b]| (b - a) * SPACING).sum::<f64>();
         let pair = [square(0.0, 0.0, 0.04), square(0.03, 0.01, 0.04)];
-        assert!((area(&pair) - 0.01 * 0.03).abs() < 0.01 * SPACING);
-        assert_eq!(area(&[square(0.0, 0.0, 0.04), square(0.05, 0.0, 0.04)]), 0.0);
+        assert!((shared_area(&pair) - 0.01 * 0.03).abs() < 0.01 * SPACING);
+        assert_eq!(shared_area(&[square(0.0, 0.0, 0.04), square(0.05, 0.0, 0.04)]), 0.0);
+        let [x, y] = middle(&square(0.01, 0.02, 0.04)[0]);
+        assert!((x - 0.03).abs() < 1e-12 && (y - 0.04).abs() < 1e-12);
         // Three in one place count once.
         let three = [square(0.0, 0.0, 0.04), square(0.0, 0.0, 0.04), square(0.0, 0.0, 0.04)];
-        assert!((area(&three) - 0.0016).abs() < 0.04 * SPACING);
+        assert!((shared_area(&three) - 0.0016).abs() < 0.04 * SPACING);
     }
 }

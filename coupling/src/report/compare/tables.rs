@@ -39,8 +39,7 @@ pub(super) fn headline(report: &CompareReport) -> String {
     );
     let missed = report.shortcomings();
     let (class, verdict, detail) = if missed.is_empty() {
-        let done: Vec<&str> =
-            (0..2).filter(|c| report.configurations[*c].is_some()).map(|c| CONFIGURATIONS[c]).collect();
+        let done: Vec<&str> = computed(report).map(|c| CONFIGURATIONS[c]).collect();
         ("ok", "Solved", format!("Every step {} is in equilibrium.", done.join(" and ")))
     } else {
         ("bad", "Not solved", missed.join("; "))
@@ -63,6 +62,11 @@ pub(super) fn headline(report: &CompareReport) -> String {
     out
 }
 
+/// Which configurations were computed.
+fn computed(report: &CompareReport) -> impl Iterator<Item = usize> {
+    (0..2).filter(|c| report.configurations[*c].is_some())
+}
+
 /// The table of all muscles per step, and the means beside the published ones.
 pub(super) fn comparison(report: &CompareReport) -> String {
     let mut content = String::from("<div class=\"grid tables\">\n");
@@ -74,7 +78,7 @@ pub(super) fn comparison(report: &CompareReport) -> String {
              <th scope=\"col\" class=\"n\">Activation</th><th scope=\"col\" class=\"n\">Rigid, N</th>",
             step_words(step.name)
         );
-        for name in CONFIGURATIONS {
+        for name in computed(report).map(|c| CONFIGURATIONS[c]) {
             let _ = write!(
                 content,
                 "<th scope=\"col\" class=\"n\">FE {name}, N</th><th scope=\"col\" class=\"n\">difference, N</th>"
@@ -90,7 +94,7 @@ pub(super) fn comparison(report: &CompareReport) -> String {
                 fixed(row.activation, 3),
                 fixed(row.rigid, 1)
             );
-            for c in 0..2 {
+            for c in computed(report) {
                 content.push_str(&force_cells(row, c));
             }
             content.push_str("</tr>\n");

@@ -126,7 +126,7 @@
       vec3 light = normalize(vec3(-0.35, 0.55, 0.8));
       float lit = max(dot(n, light), 0.0);
       float gloss = pow(max(dot(n, normalize(light - normalize(seen))), 0.0), 32.0);
-      painted = vec4(base * (0.40 + 0.16 * n.y + 0.58 * lit) + 0.10 * gloss, 1.0);
+      painted = vec4(base * (0.50 + 0.14 * n.y + 0.50 * lit) + 0.08 * gloss, 1.0);
     }`;
   const program = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
