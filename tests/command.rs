@@ -180,7 +180,8 @@ fn mesh_writes_its_files_and_refuses_what_is_no_thigh() {
         folder.path().join(out)
     };
     let (one, two) = (run("1", "one"), run("2", "two"));
-    for file in ["thigh.vtu", "thigh.inp", "quality.csv", "bone_crossings.csv", "report.html"] {
+    for file in ["thigh.vtu", "thigh.inp", "quality.csv", "muscles.csv", "bone_crossings.csv", "report.html"]
+    {
         assert!(fs::read(one.join(file)).unwrap() == fs::read(two.join(file)).unwrap(), "{file} differs");
     }
     let table = fs::read_to_string(one.join("quality.csv")).unwrap();
@@ -195,6 +196,8 @@ fn mesh_writes_its_files_and_refuses_what_is_no_thigh() {
         (vec!["mesh", "--resolution", "0"], "--resolution is 0 mm; give 1.5 to 20 mm"),
         (vec!["mesh", "--only", "soleus"], "`soleus`"),
         (vec!["mesh", "absent.csv"], "absent.csv"),
+        (vec!["mesh", "--subject", "absent.toml"], "absent.toml"),
+        (vec!["mesh", "absent.csv", "--subject", "walker"], "--subject scales the built-in thigh"),
     ] {
         let output = sartorius(&arguments, folder.path());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

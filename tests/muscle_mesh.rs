@@ -2,13 +2,24 @@
 
 use std::path::Path;
 
+use coupling::registration::MeshFrames;
+use coupling::registration::Registration;
+use coupling::steps::rigid_muscles_standing;
+use coupling::thigh;
+use coupling::thigh::build::reaches;
+use coupling::thigh::inventory::inventory;
+use coupling::thigh::lines::physiological_sections;
 use fem::contact::surface::{SurfaceInput, Surfaces};
 use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::MeshError;
+use fem::mesh::muscle::attachment::{Attachment, Role, Site};
+use fem::mesh::muscle::limb::LimbMap;
 use fem::mesh::muscle::scale::{SegmentFrame, SegmentMap, map_sections};
 use fem::mesh::muscle::smooth::{Plane, Smoother};
 use fem::mesh::muscle::{self, Bone, Loft, MuscleSections, grid};
-use nalgebra::Vector3;
+use multibody::model::{Ankle, Model};
+use multibody::walker::{Knee, walker};
+use nalgebra::{Matrix3, Vector3};
 use support::{Random, taylor_order};
 
 const SECTIONS: &str = include_str!("../gait-data/thigh/muscle_sections.csv");
@@ -362,4 +373,175 @@ fn scaling_carries_a_muscle_with_its_segments() {
     let maps = &chain([one, long, one], knee_to)[..2];
     let moved = map_sections(adductor, maps, &[hip]);
     assert!((moved.stations[0].centre - adductor.stations[0].centre).norm() < 1e-6);
+}
+
+#[test]
+fn a_limb_of_another_size_is_carried_by_its_segments() {
+    let limb = thigh::limb().unwrap();
+    let MeshFrames { hip, knee, thigh: axes, .. } = MeshFrames::built_in();
+    let k = 1.1;
+    // Everything alike: the whole limb grows as a body.
+    let grown = limb.mapped(&LimbMap::sized(hip, knee, k, k, k)).unwrap();
+    let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+    for (a, b) in limb.sections.iter().zip(&grown.sections) {
+        b.check().unwrap();
+        let ratio = volume(b) / volume(a);
+        assert!((ratio - k.powi(3)).abs() < 1e-3, "{}: {ratio}", a.name); // s of the table is rounded
+    }
+    for (a, b) in limb.bones.iter().zip(&grown.bones) {
+        assert!((b.surface.volume() / a.surface.volume() - k.powi(3)).abs() < 1e-9, "{}", a.name);
+    }
+    // Only along the thigh: what lies in the thigh follows its map exactly, the patella moves with the knee.
+    let longer = axes * Matrix3::from_diagonal(&Vector3::new(1.0, k, 1.0)) * axes.transpose();
+    let mut map = LimbMap::sized(hip, knee, 1.0, 1.0, 1.0);
+    map.thigh.linear = longer;
+    let shift = map.thigh.apply(&knee) - knee;
+    map.patella.to += shift;
+    map.shank.to += shift;
+    let long = limb.mapped(&map).unwrap();
+    for (before, after) in limb.sections.iter().zip(&long.sections) {
+        let name = before.name.as_str();
+        let on = |role: Role| {
+            &limb.attachments.iter().find(|a| a.muscle == name && a.role == role).unwrap().segment
+        };
+        let ends = [on(Role::Origin), on(Role::Insertion)];
+        let (n, mut within) = (before.stations.len() - 1, 0);
+        for (i, (a, b)) in before.stations.iter().zip(&after.stations).enumerate() {
+            let moved = |m: &SegmentMap| {
+                a.outline.iter().zip(&b.outline).map(|(p, q)| (m.apply(p) - q).norm()).fold(0.0, f64::max)
+            };
+            if i == 0 || i == n {
+                assert!(moved(map.of(ends[i / n]).unwrap()) < 1e-12, "{name}, end {}", i / n);
+            }
+            within += usize::from(moved(&map.thigh) < 1e-12);
+        }
+        assert!(ends.iter().all(|e| *e != "thigh") || within > 0, "{name}");
+        let ratio = volume(after) / volume(before);
+        // The step at a joint also takes up what the two ends shift against each other: a little less or more than both segments.
+        assert!((0.98..k + 0.02).contains(&ratio), "{name}: {ratio}");
+        if name == "vastus_intermedius" {
+            assert!(within > n * 3 / 4, "{within} of {n}");
+            // Its part in the thigh: volume by the determinant of the map.
+            let part = |m: &MuscleSections| {
+                let mut m = m.clone();
+                m.stations.truncate(within);
+                let end = m.stations[within - 1].s;
+                m.stations.iter_mut().for_each(|station| station.s /= end);
+                volume(&m)
+            };
+            let ratio = part(after) / part(before);
+            assert!((ratio - k).abs() < 2e-3, "{ratio}");
+        }
+    }
+    let volume = |bones: &[Bone], name: &str| bones.iter().find(|b| b.name == name).unwrap().surface.volume();
+    assert!((volume(&long.bones, "femur") / volume(&limb.bones, "femur") - k).abs() < 1e-9);
+    assert!((volume(&long.bones, "tibia") / volume(&limb.bones, "tibia") - 1.0).abs() < 1e-9);
+    for (a, b) in limb.attachments.iter().zip(&long.attachments).filter(|(a, _)| a.segment == "shank") {
+        for (p, q) in a.tendon.iter().chain(&a.reference_point).zip(b.tendon.iter().chain(&b.reference_point))
+        {
+            assert!((p + shift - q).norm() < 1e-12, "{}", a.muscle);
+        }
+    }
+    // A patch stays between the same sections: of short head and vasti, whose lines are stretched unevenly.
+    let patch = |attachments: &[Attachment], name: &str| {
+        let of = |a: &Attachment| match a.site {
+            Site::SidePatch { s, .. } if a.muscle == name && a.role == Role::Origin => Some(s),
+            _ => None,
+        };
+        attachments.iter().find_map(of).unwrap()
+    };
+    let name = "biceps_femoris_short_head";
+    let (before, after) = (patch(&limb.attachments, name), patch(&long.attachments, name));
+    let height = |sections: &[MuscleSections], s: f64| {
+        Loft::new(sections.iter().find(|m| m.name == name).unwrap()).point(3.0, s).position
+    };
+    for (s, t) in before.into_iter().zip(after) {
+        let (p, q) = (height(&limb.sections, s), height(&long.sections, t));
+        assert!((map.thigh.apply(&p) - q).norm() < 2e-3, "{s} {t}");
+    }
+    // What is attached to nothing cannot be carried along.
+    let mut loose = limb.clone();
+    loose.attachments.retain(|a| a.muscle != "gracilis");
+    let message = loose.mapped(&map).unwrap_err().to_string();
+    assert!(message.contains("`gracilis`") && message.contains("origin"), "{message}");
+}
+
+#[test]
+fn semimembranosus_inserts_at_the_back_of_the_condyle() {
+    let drawn = sections().into_iter().find(|m| m.name == "semimembranosus").unwrap();
+    let limb = thigh::limb().unwrap();
+    let ended = limb.sections.iter().find(|m| m.name == "semimembranosus").unwrap();
+    ended.check().unwrap();
+    let rows: Vec<_> = limb
+        .attachments
+        .iter()
+        .filter(|a| a.muscle == "semimembranosus" && a.role == Role::Insertion)
+        .collect();
+    let [row] = rows[..] else { panic!("{rows:?}") };
+    let point = Vector3::new(-23.1, -456.6, -29.6) * 1e-3;
+    assert_eq!((&row.site, row.tendon.as_slice()), (&Site::EndFace, &[point][..]));
+    let end = ended.stations.last().unwrap();
+    let degrees = |d: Vector3<f64>| end.normal.angle(&d).to_degrees();
+    assert!(degrees(point - end.centre) < 45.0);
+    // The drawn one turns away from it.
+    let last = drawn.stations.last().unwrap();
+    assert!(last.normal.angle(&(point - last.centre)).to_degrees() > 90.0);
+    let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+    assert!((0.95..1.0).contains(&(volume(ended) / volume(&drawn))));
+    // The others are as drawn.
+    let others = |m: &&MuscleSections| m.name != "semimembranosus";
+    assert!(limb.sections.iter().filter(others).eq(sections().iter().filter(others)));
+}
+
+#[test]
+fn every_muscle_has_its_fibres_attachments_and_line() {
+    let limb = thigh::limb().unwrap();
+    let built = muscle::build(&limb.sections, &[], 8e-3);
+    let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
+    let (trial, anatomy) = walker(Knee::Hinge);
+    let model = Model::new(&trial, anatomy, Ankle::Universal).unwrap();
+    let registration = Registration::new(MeshFrames::built_in(), &model).unwrap();
+    let rigid = rigid_muscles_standing(&model, &registration);
+    let areas = physiological_sections();
+    let stock =
+        inventory(&blocks, &limb.attachments, &|m| areas.get(m).copied(), &reaches(&limb.bones), &rigid);
+    assert_eq!(stock.len(), 17);
+    // Areas as measured on the surfaces, from the table.
+    let text = include_str!("../gait-data/thigh/attachments.csv");
+    let mut table = csv::Reader::from_reader(text.as_bytes());
+    let mut measured = std::collections::BTreeMap::<[String; 3], f64>::new();
+    for row in table.records().map(Result::unwrap).filter(|row| !row[11].is_empty()) {
+        *measured.entry([0, 1, 2].map(|i| row[i].to_string())).or_default() +=
+            row[11].parse::<f64>().unwrap();
+    }
+    for m in &stock {
+        let name = &m.name;
+        assert!((m.fibre_area_mm2 / m.section_mm2 - 1.0).abs() < 1e-12, "{name}");
+        assert!((m.section_mm2 / (1e6 * areas[name]) - 1.0).abs() < 1e-12, "{name}");
+        for (hold, end) in [(&m.origin, "origin"), (&m.insertion, "insertion")] {
+            let of = |kind: &str| measured.get(&[name.clone(), end.to_string(), kind.to_string()]);
+            // Adductor magnus ends at s = 0.95 and semimembranosus at 0.81 of what was measured.
+            let cut = end == "insertion" && ["adductor_magnus", "semimembranosus"].contains(&name.as_str());
+            if let (Some(&area), false) = (of("end_face"), cut) {
+                let ratio = hold.face_mm2 / area;
+                assert!((0.8..1.15).contains(&ratio), "{name}, {end}: {} of {area} mm²", hold.face_mm2);
+            }
+            // Small patches are smaller than a cell.
+            if let Some(&area) = of("side_patch").filter(|a| **a > 2000.0) {
+                let ratio = hold.side_mm2 / area;
+                assert!((0.8..1.2).contains(&ratio), "{name}, {end}: {} of {area} mm²", hold.side_mm2);
+            }
+        }
+        let line = m.line.as_ref().unwrap();
+        assert_eq!(line.explanation.is_empty(), line.angle_deg <= 15.0, "{name}");
+        let degrees = |d: Vector3<f64>| Vector3::from(line.mesh).angle(&d).to_degrees();
+        assert!((degrees(line.rigid.into()) - line.angle_deg).abs() < 1e-9, "{name}");
+        let lines = &rigid.iter().find(|r| r.name == *name).unwrap().lines;
+        let least = lines.iter().map(|l| degrees(l.direction())).fold(f64::INFINITY, f64::min);
+        assert!((least - line.nearest_line_deg).abs() < 1e-9, "{name}");
+        assert!(line.nearest_fibre_deg + line.spread_deg >= line.angle_deg - 1e-9, "{name}");
+        assert!(line.angle_deg <= 30.0, "{name}: {}", line.angle_deg);
+    }
+    let off: Vec<_> = stock.iter().filter(|m| m.line.as_ref().unwrap().angle_deg > 15.0).collect();
+    assert!(off.len() <= 4, "{:?}", off.iter().map(|m| &m.name).collect::<Vec<_>>());
 }

@@ -11,5 +11,6 @@ pub mod registration;
 pub mod report;
 pub mod section;
 pub mod steps;
+pub mod subject;
 pub mod thigh;
 pub mod thigh_tables;

@@ -5,16 +5,26 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, Settings};
 use fem::mesh::muscle::{Bone, MuscleSections, build};
 use fem::mesh::{LengthUnit, MeshError};
+use multibody::model::Model;
 
 use super::Outcome;
+use super::optimize::find_trial;
 use crate::error::CommandError;
+use crate::optimize::{Case, OptimizeOptions};
 use crate::output::mesh::write_mesh;
 use crate::output::run::{InputFile, RunRecord, RunStatus};
+use crate::registration::{MeshFrames, Registration};
 use crate::report::mesh::{MeshReport, MeshSummary};
-use crate::thigh_tables;
+use crate::steps::{RigidMuscle, rigid_muscles_standing};
+use crate::subject::{factors, limb_map};
+use crate::thigh::build::reaches;
+use crate::thigh::inventory::inventory;
+use crate::thigh::lines::physiological_sections;
+use crate::{thigh, thigh_tables};
 
 /// Target edge lengths that are meshed \[mm\]: below, a thigh takes more than a million cells.
 const RESOLUTIONS: std::ops::RangeInclusive<f64> = 1.5..=20.0;
@@ -39,6 +49,12 @@ pub struct MeshArguments {
     /// For surfaces: length unit of the files.
     #[arg(long, value_name = "m|mm", default_value = "m", value_parser = ["m", "mm"])]
     unit: String,
+    /// For the built-in thigh: make it as large as the subject of this trial: a trial file, the name of a shipped trial, or `walker`.
+    #[arg(long, value_name = "TRIAL")]
+    subject: Option<PathBuf>,
+    /// Folder of the recordings that the trial file of --subject names.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Only these muscles, by name.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
@@ -62,13 +78,20 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     }
     let started = Instant::now();
     let mut record = RunRecord::new("mesh");
-    let (sections, bones, files) = match &arguments.input {
+    let input = match &arguments.input {
+        Some(_) if arguments.subject.is_some() => {
+            return Err(CommandError::Option(
+                "--subject scales the built-in thigh; give no input with it".into(),
+            ));
+        }
         Some(folder) if folder.is_dir() => from_surfaces(folder, arguments)?,
         _ if arguments.ends.is_some() => {
             return Err(CommandError::Option("--ends needs a folder of muscle surfaces as input".into()));
         }
-        _ => from_tables(arguments)?,
+        Some(file) => from_table(file, arguments)?,
+        None => built_in(arguments)?,
     };
+    let Input { sections, bones, attachments, rigid, subject, files } = input;
     for file in &files {
         record.inputs.push(InputFile::of(file)?);
     }
@@ -86,13 +109,19 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     } else {
         bones.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ")
     };
+    let areas = physiological_sections();
+    let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
+    let known = |muscle: &str| if rigid.is_empty() { None } else { areas.get(muscle).copied() };
+    let stock = inventory(&blocks, &attachments, &known, &reaches(&bones), &rigid);
     let settings = [
         ("Sections".to_string(), if stem.is_some() { name.clone() } else { "built-in thigh".into() }),
+        ("Subject".to_string(), subject),
         ("Resolution".to_string(), format!("{} mm", arguments.resolution)),
         ("Bones".to_string(), bone_names),
         ("Rounds of separation".to_string(), built.rounds.to_string()),
     ];
-    let report = MeshReport { name: &name, built: &built, bones: &bones, settings: &settings };
+    let report =
+        MeshReport { name: &name, built: &built, bones: &bones, inventory: &stock, settings: &settings };
     let summary = MeshSummary::of(&report);
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
     record.threads = rayon::current_num_threads();
@@ -111,33 +140,74 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     if arguments.json {
         let _ = writeln!(out, "{}", serde_json::to_string_pretty(&summary).expect("a summary is plain data"));
     } else {
-        let _ = print(&mut out, &name, &summary, seconds, &folder, files.len());
+        let _ = print(&mut out, &report, &summary, seconds, &folder, files.len());
     }
     Ok(outcome)
 }
 
-/// Sections, bones to keep out of, and the files read.
-type Inputs = (Vec<MuscleSections>, Vec<Bone>, Vec<PathBuf>);
+/// What is meshed.
+struct Input {
+    sections: Vec<MuscleSections>,
+    /// To keep out of.
+    bones: Vec<Bone>,
+    attachments: Vec<Attachment>,
+    /// The lines of the rigid leg in the posture of the mesh; none where it is unknown how that stands.
+    rigid: Vec<RigidMuscle>,
+    /// Whose size it has.
+    subject: String,
+    /// The files read.
+    files: Vec<PathBuf>,
+}
 
-/// From tables of sections and bones.
-fn from_tables(arguments: &MeshArguments) -> Result<Inputs, CommandError> {
-    let mut sections = match &arguments.input {
-        None => MuscleSections::read_csv(thigh_tables::MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?,
-        Some(file) => MuscleSections::read_csv(&text(file)?, file)?,
-    };
-    let bones = match (&arguments.bones, &arguments.input) {
-        (Some(file), _) => Bone::read_csv(&text(file)?, file)?,
-        (None, None) => Bone::read_csv(thigh_tables::BONE_SECTIONS, Path::new("bone_sections.csv"))?,
-        (None, Some(_)) => Vec::new(),
+/// The built-in thigh, in the size of a subject if one is named.
+fn built_in(arguments: &MeshArguments) -> Result<Input, CommandError> {
+    let mut limb = thigh::limb()?;
+    let mut files: Vec<PathBuf> = arguments.bones.iter().cloned().collect();
+    if let Some(file) = &arguments.bones {
+        limb.bones = Bone::read_csv(&text(file)?, file)?;
+    }
+    let known: Vec<String> = limb.sections.iter().map(|m| m.name.clone()).collect();
+    only_known(&arguments.only, &known)?;
+    let trial = arguments.subject.as_deref().filter(|s| *s != Path::new("walker")).map(find_trial);
+    let case =
+        Case::load(&OptimizeOptions { trial, data: arguments.data.clone(), ..OptimizeOptions::default() })?;
+    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
+    let mut subject = "as measured".to_string();
+    if arguments.subject.is_some() {
+        let f = factors(&model);
+        limb = limb.mapped(&limb_map(&f))?;
+        subject = format!(
+            "{}: pelvis x {:.3}, thigh x {:.3}, shank x {:.3}",
+            case.trial.name, f.pelvis, f.thigh, f.shank
+        );
+        files.extend(case.inputs);
+    }
+    limb.sections.retain(|m| arguments.only.is_empty() || arguments.only.contains(&m.name));
+    // Without a place for the patella there is no posture to compare in.
+    let rigid = Registration::new(MeshFrames::built_in(), &model)
+        .map(|registration| rigid_muscles_standing(&model, &registration))
+        .unwrap_or_default();
+    let (sections, bones, attachments) = (limb.sections, limb.bones, limb.attachments);
+    Ok(Input { sections, bones, attachments, rigid, subject, files })
+}
+
+/// From tables of sections and bones of one's own.
+fn from_table(file: &Path, arguments: &MeshArguments) -> Result<Input, CommandError> {
+    let mut sections = MuscleSections::read_csv(&text(file)?, file)?;
+    let bones = match &arguments.bones {
+        Some(file) => Bone::read_csv(&text(file)?, file)?,
+        None => Vec::new(),
     };
     let known: Vec<String> = sections.iter().map(|m| m.name.clone()).collect();
     only_known(&arguments.only, &known)?;
     sections.retain(|m| arguments.only.is_empty() || arguments.only.contains(&m.name));
-    Ok((sections, bones, arguments.input.iter().chain(&arguments.bones).cloned().collect()))
+    let files = [file.to_path_buf()].into_iter().chain(arguments.bones.clone()).collect();
+    let subject = "as given".to_string();
+    Ok(Input { sections, bones, attachments: Vec::new(), rigid: Vec::new(), subject, files })
 }
 
 /// From a folder of muscle surfaces and a folder of bone surfaces.
-fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Inputs, CommandError> {
+fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Input, CommandError> {
     let mut ends = match &arguments.ends {
         None => MuscleEnds::read_csv(thigh_tables::ATTACHMENTS, Path::new("attachments.csv"))?,
         Some(file) => MuscleEnds::read_csv(&text(file)?, file)?,
@@ -160,7 +230,30 @@ fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Inputs, Com
     if arguments.only.is_empty() && !left_out.is_empty() {
         eprintln!("note: not meshed, as --ends does not name them: {}", left_out.join(", "));
     }
-    Ok((anatomy.muscles, anatomy.bones, arguments.ends.iter().cloned().chain(anatomy.files).collect()))
+    Ok(Input {
+        sections: anatomy.muscles,
+        bones: anatomy.bones,
+        attachments: ends.iter().flat_map(end_faces).collect(),
+        rigid: Vec::new(),
+        subject: "as given".into(),
+        files: arguments.ends.iter().cloned().chain(anatomy.files).collect(),
+    })
+}
+
+/// The end faces of a muscle, where they are known to lie on a bone. Of which segment that is, is not known.
+fn end_faces(ends: &MuscleEnds) -> Vec<Attachment> {
+    let face = |(role, bone): (Role, &Option<String>)| {
+        Some(Attachment {
+            muscle: ends.muscle.clone(),
+            role,
+            site: Site::EndFace,
+            segment: String::new(),
+            bone: bone.clone()?,
+            tendon: Vec::new(),
+            reference_point: None,
+        })
+    };
+    [Role::Origin, Role::Insertion].into_iter().zip(&ends.bones).filter_map(face).collect()
 }
 
 /// Refuses names of `--only` that are not known.
@@ -180,13 +273,13 @@ fn text(file: &Path) -> Result<String, MeshError> {
 
 fn print(
     out: &mut impl Write,
-    name: &str,
+    report: &MeshReport,
     s: &MeshSummary,
     seconds: f64,
     folder: &Path,
     n_files: usize,
 ) -> std::io::Result<()> {
-    writeln!(out, "{name}: {} muscles, {} elements, {} nodes", s.muscles, s.elements, s.nodes)?;
+    writeln!(out, "{}: {} muscles, {} elements, {} nodes", report.name, s.muscles, s.elements, s.nodes)?;
     writeln!(
         out,
         "  scaled Jacobian   least {:.2}, least mean of a muscle {:.2}",
@@ -201,6 +294,22 @@ fn print(
         s.largest_p95_deviation_mm, s.largest_volume_error_percent
     )?;
     writeln!(out, "  bones             at most {:.2} mm deep, at attached ends", s.deepest_bone_crossing_mm)?;
+    writeln!(
+        out,
+        "  moved apart       surfaces by {:.2} mm in the mean of a muscle, {:.2} mm at most; volumes by {:.1} %",
+        s.largest_mean_move_mm, s.largest_move_mm, s.largest_volume_change_percent
+    )?;
+    for (muscle, line) in report.inventory.iter().filter_map(|m| Some((m, m.line.as_ref()?))) {
+        if !line.explanation.is_empty() {
+            writeln!(
+                out,
+                "  {}: {:.0} degrees off the rigid line; {}",
+                muscle.name.replace('_', " "),
+                line.angle_deg,
+                line.explanation
+            )?;
+        }
+    }
     for missed in &s.missed {
         writeln!(out, "  missed: {missed}")?;
     }

@@ -206,7 +206,7 @@ impl OptimizeArguments {
 }
 
 /// A path as it is, or the name of a trial shipped in `gait-data/trials`.
-fn find_trial(given: &Path) -> PathBuf {
+pub(super) fn find_trial(given: &Path) -> PathBuf {
     if given.exists() || given.extension().is_some() || given.components().count() > 1 {
         return given.to_path_buf();
     }

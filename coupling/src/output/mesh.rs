@@ -14,6 +14,7 @@ use super::atomic::OutputFolder;
 use super::run::{self, RunRecord};
 use crate::error::CommandError;
 use crate::report::mesh::{MeshReport, MeshSummary, mesh_page};
+use crate::thigh::inventory::Hold;
 
 /// Writes meshes, table, page and, last of all, `run.json` into `folder`, and returns the names of the files.
 pub fn write_mesh(
@@ -29,6 +30,7 @@ pub fn write_mesh(
     out.place(&format!("{}.vtu", report.name), |path| vtu::write(path, &mesh, &[], &[field]))?;
     out.place(&format!("{}.inp", report.name), |path| abaqus::write(path, &mesh))?;
     out.write("quality.csv", |w| write_quality(w, report))?;
+    out.write("muscles.csv", |w| write_muscles(w, report))?;
     out.write("bone_crossings.csv", |w| write_crossings(w, report))?;
     let page = mesh_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
@@ -66,7 +68,8 @@ fn write_quality(w: &mut dyn Write, report: &MeshReport) -> io::Result<()> {
     writeln!(
         w,
         "muscle,elements,nodes,least_scaled_jacobian,mean_scaled_jacobian,least_gauss_det_mm3,volume_cm3,loft_volume_cm3,\
-         mean_deviation_mm,p95_deviation_mm,largest_deviation_mm,least_gap_mm,nearest_muscle,self_crossings"
+         mean_deviation_mm,p95_deviation_mm,largest_deviation_mm,mean_move_mm,largest_move_mm,\
+         volume_before_moving_cm3,least_gap_mm,nearest_muscle,self_crossings"
     )?;
     let muscles = &report.built.muscles;
     for m in muscles {
@@ -76,7 +79,7 @@ fn write_quality(w: &mut dyn Write, report: &MeshReport) -> io::Result<()> {
         let q = &m.quality;
         writeln!(
             w,
-            "{},{},{},{:.4},{:.4},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{gap},{nearest},{}",
+            "{},{},{},{:.4},{:.4},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{gap},{nearest},{}",
             m.block.name,
             m.block.n_cells(),
             m.block.points.len(),
@@ -88,7 +91,53 @@ fn write_quality(w: &mut dyn Write, report: &MeshReport) -> io::Result<()> {
             m.deviation[0] * 1e3,
             m.deviation[1] * 1e3,
             m.deviation[2] * 1e3,
+            m.moved[0] * 1e3,
+            m.moved[1] * 1e3,
+            m.volume_before * 1e6,
             m.self_crossings
+        )?;
+    }
+    Ok(())
+}
+
+fn write_muscles(w: &mut dyn Write, report: &MeshReport) -> io::Result<()> {
+    writeln!(
+        w,
+        "muscle,fibres,fibre_area_mm2,section_mm2,mean_section_mm2,origin_bones,origin_face_mm2,origin_side_mm2,origin_tendon_mm,\
+         insertion_bones,insertion_face_mm2,insertion_side_mm2,insertion_tendon_mm,line_x,line_y,line_z,rigid_x,rigid_y,rigid_z,\
+         angle_deg,nearest_rigid_line,nearest_rigid_line_deg,fibre_spread_deg,nearest_fibre_deg,end_to_end_deg,\
+         rigid_origin_off_mm,rigid_insertion_off_mm,explanation"
+    )?;
+    for m in report.inventory {
+        let hold = |h: &Hold| {
+            format!("{},{:.2},{:.2},{:.2}", h.bones.join(" "), h.face_mm2, h.side_mm2, h.tendon_mm)
+        };
+        let line = m.line.as_ref().map_or(",".repeat(14), |l| {
+            let [x, y, z] = l.mesh;
+            let [a, b, c] = l.rigid;
+            format!(
+                "{x:.4},{y:.4},{z:.4},{a:.4},{b:.4},{c:.4},{:.2},{},{:.2},{:.2},{:.2},{:.2},{:.2},{:.2},\"{}\"",
+                l.angle_deg,
+                l.nearest_line,
+                l.nearest_line_deg,
+                l.spread_deg,
+                l.nearest_fibre_deg,
+                l.ends_deg,
+                l.origin_off_mm,
+                l.insertion_off_mm,
+                l.explanation
+            )
+        });
+        writeln!(
+            w,
+            "{},{},{:.4},{:.4},{:.2},{},{},{line}",
+            m.name,
+            m.fibres,
+            m.fibre_area_mm2,
+            m.section_mm2,
+            m.mean_section_mm2,
+            hold(&m.origin),
+            hold(&m.insertion)
         )?;
     }
     Ok(())

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::anatomy::{self, View};
 use super::page::{document, label_table, section, table};
 use super::svg::{escape, fixed};
+use crate::thigh::inventory::{Hold, MuscleInventory};
 
 /// Where the section is drawn: the middle between hip and knee centre of the built-in thigh \[m\].
 const MID_THIGH: f64 = -0.206;
@@ -21,6 +22,8 @@ pub struct MeshReport<'a> {
     pub built: &'a Built,
     /// Bones that the muscles keep out of.
     pub bones: &'a [Bone],
+    /// Fibres, attachments and lines of action, a row per muscle.
+    pub inventory: &'a [MuscleInventory],
     /// Settings as label and value.
     pub settings: &'a [(String, String)],
 }
@@ -44,6 +47,12 @@ pub struct MeshSummary {
     pub largest_p95_deviation_mm: f64,
     /// Largest relative error of a volume \[%\].
     pub largest_volume_error_percent: f64,
+    /// Mean way of the surface nodes along their normals while muscles were moved apart, of the muscle that moved most \[mm\].
+    pub largest_mean_move_mm: f64,
+    /// Largest such way of a node \[mm\].
+    pub largest_move_mm: f64,
+    /// Largest relative change of a muscle's volume by that \[%\].
+    pub largest_volume_change_percent: f64,
     /// Deepest crossing with a bone \[mm\].
     pub deepest_bone_crossing_mm: f64,
     /// Goals that are missed.
@@ -68,6 +77,11 @@ impl MeshSummary {
             largest_volume_error_percent: most(
                 &mut muscles.iter().map(|m| 100.0 * (m.quality.volume / m.loft_volume - 1.0).abs()),
             ),
+            largest_mean_move_mm: most(&mut muscles.iter().map(|m| m.moved[0] * 1e3)),
+            largest_move_mm: most(&mut muscles.iter().map(|m| m.moved[1] * 1e3)),
+            largest_volume_change_percent: most(
+                &mut muscles.iter().map(|m| 100.0 * (m.quality.volume / m.volume_before - 1.0).abs()),
+            ),
             deepest_bone_crossing_mm: most(&mut report.built.bone_crossings.iter().map(|c| c.depth * 1e3)),
             missed: report.built.missed(report.bones),
         }
@@ -77,7 +91,15 @@ impl MeshSummary {
 /// The page as one HTML file.
 pub fn mesh_page(report: &MeshReport) -> String {
     let summary = MeshSummary::of(report);
-    let body = [headline(report, &summary), pictures(report), qualities(report), details(report)].concat();
+    let body = [
+        headline(report, &summary),
+        pictures(report),
+        qualities(report),
+        holds(report),
+        lines(report),
+        details(report),
+    ]
+    .concat();
     document(&format!("{} · mesh · Sartorius", report.name), &body)
 }
 
@@ -168,6 +190,9 @@ fn qualities(report: &MeshReport) -> String {
         "Off the loft: mean, mm",
         "95 %",
         "largest",
+        "Moved apart: mean, mm",
+        "largest, mm",
+        "volume, %",
         "Least gap, mm",
         "to",
     ];
@@ -189,6 +214,9 @@ fn qualities(report: &MeshReport) -> String {
                 fixed(m.deviation[0] * 1e3, 2),
                 fixed(m.deviation[1] * 1e3, 2),
                 fixed(m.deviation[2] * 1e3, 2),
+                fixed(m.moved[0] * 1e3, 2),
+                fixed(m.moved[1] * 1e3, 2),
+                fixed(100.0 * (m.quality.volume / m.volume_before - 1.0), 2),
                 gap,
                 to,
             ]
@@ -222,8 +250,90 @@ fn qualities(report: &MeshReport) -> String {
     }
     section(
         "Quality",
-        "Gap: least distance between the triangles of two surfaces. Off the loft: distance of the nodes of the lateral surface from the surface through the sections, which holds what smoothing and separating moved.",
+        "Gap: least distance between the triangles of two surfaces, quadrilaterals cut in two and in four. Moved apart: way of the surface nodes along their normals, and change of volume, to keep clear of neighbours and bones. Off the loft: distance of the nodes of the lateral surface from the surface through the sections, which holds what smoothing and separating moved.",
         &content,
+    )
+}
+
+fn holds(report: &MeshReport) -> String {
+    let header = [
+        "Muscle",
+        "Origin",
+        "Insertion",
+        "Fibres",
+        "their area, mm²",
+        "Section to fill, mm²",
+        "Mean of the mesh, mm²",
+        "Origin: end face, mm²",
+        "side, mm²",
+        "tendon, mm",
+        "Insertion: end face, mm²",
+        "side, mm²",
+        "tendon, mm",
+    ];
+    let bones = |h: &Hold| h.bones.join(", ").replace('_', " ");
+    let length = |x: f64| if x > 0.0 { fixed(x, 0) } else { "–".into() };
+    let rows: Vec<Vec<String>> = report
+        .inventory
+        .iter()
+        .map(|m| {
+            let mut row = vec![
+                m.name.replace('_', " "),
+                bones(&m.origin),
+                bones(&m.insertion),
+                m.fibres.to_string(),
+                fixed(m.fibre_area_mm2, 1),
+                fixed(m.section_mm2, 1),
+                fixed(m.mean_section_mm2, 0),
+            ];
+            for hold in [&m.origin, &m.insertion] {
+                row.extend([length(hold.face_mm2), length(hold.side_mm2), length(hold.tendon_mm)]);
+            }
+            row
+        })
+        .collect();
+    section(
+        "Fibres and attachments",
+        "Section to fill: the physiological cross-section of the rigid leg's lines where the muscle has some, else the mean section. Side: the part of the lateral surface that grows from bone. Tendon: its length from the end of the mesh to the bone.",
+        &table(&header, 3, &rows),
+    )
+}
+
+fn lines(report: &MeshReport) -> String {
+    let header = [
+        "Muscle",
+        "Why more than 15",
+        "Angle, degrees",
+        "Nearest rigid line, degrees",
+        "Fibres fan out by",
+        "Nearest fibre to the rigid line",
+        "End to end",
+        "Rigid origin off, mm",
+        "Rigid insertion off, mm",
+    ];
+    let with_lines = report.inventory.iter().filter_map(|m| Some((m, m.line.as_ref()?)));
+    let rows: Vec<Vec<String>> = with_lines
+        .map(|(m, l)| {
+            let numbers = [
+                (l.angle_deg, 1),
+                (l.nearest_line_deg, 1),
+                (l.spread_deg, 1),
+                (l.nearest_fibre_deg, 1),
+                (l.ends_deg, 1),
+                (l.origin_off_mm, 0),
+                (l.insertion_off_mm, 0),
+            ];
+            let texts = [m.name.replace('_', " "), l.explanation.clone()];
+            texts.into_iter().chain(numbers.map(|(x, digits)| fixed(x, digits))).collect()
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    section(
+        "Lines of action",
+        "Tangent to the line through the centres of the sections at mid belly, against the direction of the rigid leg's lines, standing. Off: how far the nearest rigid line begins and ends from where the mesh holds on to bone.",
+        &table(&header, 2, &rows),
     )
 }
 

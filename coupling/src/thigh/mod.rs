@@ -1,12 +1,14 @@
 //! The deformable thigh as the coupling sees it.
 
 pub mod build;
+pub mod inventory;
 pub mod lines;
 
 use std::path::Path;
 
 use fem::mesh::MeshError;
 use fem::mesh::muscle::attachment::Attachment;
+use fem::mesh::muscle::limb::Limb;
 use fem::mesh::muscle::{Bone, Built, MuscleBlock, MuscleSections};
 
 use crate::thigh_tables::{ATTACHMENTS, BONE_SECTIONS, MUSCLE_SECTIONS};
@@ -24,15 +26,35 @@ pub struct BuiltIn {
     pub built: Built,
 }
 
+/// Muscles whose drawn insertion is not trusted: semimembranosus is drawn onto the front of the tibia and not onto the back of the
+/// medial condyle (`gait-data/thigh/attachments.csv`, from gait2392).
+const AT_REFERENCE: [&str; 1] = ["semimembranosus"];
+
+/// The tables of the built-in thigh.
+pub fn limb() -> Result<Limb, MeshError> {
+    let mut limb = Limb {
+        sections: MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?,
+        bones: Bone::read_csv(BONE_SECTIONS, Path::new("bone_sections.csv"))?,
+        attachments: Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?,
+    };
+    for muscle in AT_REFERENCE {
+        limb.insert_at_reference(muscle);
+    }
+    Ok(limb)
+}
+
 /// Meshes the built-in thigh with edges of about `edge` \[m\]; `only` these muscles, all where it is empty.
 pub fn built_in(edge: f64, only: &[String], effects: ThighEffects) -> Result<BuiltIn, MeshError> {
-    let mut sections = MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?;
-    sections.retain(|m| only.is_empty() || only.contains(&m.name));
-    let bones = Bone::read_csv(BONE_SECTIONS, Path::new("bone_sections.csv"))?;
-    let attachments = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
+    Ok(from_limb(limb()?, edge, only, effects))
+}
+
+/// The same from a limb of one's own, e.g. one scaled to a subject ([`crate::subject::limb_map`]).
+pub fn from_limb(mut limb: Limb, edge: f64, only: &[String], effects: ThighEffects) -> BuiltIn {
+    limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
+    let Limb { sections, bones, attachments } = limb;
     let built = fem::mesh::muscle::build(&sections, &bones, edge);
     let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
     let areas = lines::physiological_sections();
     let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches(&bones), effects);
-    Ok(BuiltIn { thigh, bones, attachments, built })
+    BuiltIn { thigh, bones, attachments, built }
 }

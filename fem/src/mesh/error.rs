@@ -58,6 +58,16 @@ pub enum MeshError {
         /// Values needed.
         expected: usize,
     },
+    /// A muscle or bone of which it is unknown which segment carries it.
+    #[error(
+        "`{name}` has no {what} in the table of attachments, so it is unknown which segment carries it; add a row"
+    )]
+    Unattached {
+        /// Muscle or bone.
+        name: String,
+        /// What is missing.
+        what: String,
+    },
     /// A mesh without cells.
     #[error("the mesh has no cells")]
     Empty,

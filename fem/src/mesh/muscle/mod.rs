@@ -10,6 +10,7 @@ pub mod fibres;
 pub mod from_surface;
 pub mod grid;
 mod lbfgs;
+pub mod limb;
 mod loft;
 pub mod scale;
 mod sections;
