@@ -18,7 +18,7 @@ const MOST_ROUNDS: usize = 16;
 const LEAST_FORCE: f64 = 1.0;
 
 /// Section force against contraction of one muscle.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FibreCurve {
     /// Contraction strain, from 0, increasing.
     pub contraction: Vec<f64>,

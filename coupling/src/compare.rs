@@ -113,7 +113,10 @@ pub fn drive(
                 reached: curve.force.last().copied().unwrap_or(0.0),
                 contraction: curve.contraction.last().copied().unwrap_or(0.0),
             })?;
-            controls.push((muscle.name.as_str(), contraction));
+            // Without fibres nothing is driven.
+            if plan.controls.contains(&muscle.name) {
+                controls.push((muscle.name.as_str(), contraction));
+            }
         }
         let moved: Vec<(&str, Pose)> = BODIES
             .iter()

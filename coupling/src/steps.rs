@@ -13,7 +13,7 @@ use crate::registration::Registration;
 use crate::thigh::lines::lines_of_muscles;
 
 /// Which instant of the gait cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepName {
     /// Heel strike: start of the cycle.

@@ -333,7 +333,7 @@ fn did_you_mean(nearest: &Option<String>) -> String {
 }
 
 /// The candidate spelt most like `name` (Levenshtein distance, case ignored), if it is near enough to be meant.
-pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let wanted: Vec<char> = name.chars().take(64).flat_map(char::to_lowercase).collect();
     candidates
         .into_iter()

@@ -2,59 +2,45 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use fem::plan::Plan;
-use fem::solve::Settings;
 
 use super::Outcome;
-use crate::calibration::calibrate;
-use crate::compare::{CompareError, Configuration, StressFree, configuration, drive, wanted};
+use super::progress::Progress;
+use crate::compare::StressFree;
 use crate::error::CommandError;
-use crate::optimize::{OptimizeOptions, optimize};
 use crate::output::atomic::OutputFolder;
 use crate::output::compare::write_compare;
-use crate::output::run::{RunRecord, RunStatus};
-use crate::registration::{MeshFrames, Registration};
+use crate::output::run::{InputFile, RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
-use crate::steps::{RigidStep, StepName, rigid_step};
-use crate::thigh::build::ThighEffects;
-use crate::thigh::built_in;
-use crate::thigh::lines::lines_of_muscles;
-
-/// Target edge lengths that are meshed \[mm\].
-const RESOLUTIONS: std::ops::RangeInclusive<f64> = 3.0..=20.0;
-
-/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 100 N: forces of single muscles
-/// are compared in newtons. Muscles that hang slack take many iterations, and more when they are approached in small steps.
-const SETTINGS: Settings = Settings {
-    tolerance: 1e-4,
-    least_force: 100.0,
-    max_iterations: 400,
-    first_step: 1.0,
-    least_step: 1e-4,
-    double_precision_factor: false,
-    check_stability: false,
-};
+use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
+use crate::study::Prepared;
 
 #[derive(Args)]
 pub struct CompareArguments {
-    /// Length of the edges of the mesh that is aimed at, in mm.
-    #[arg(long, value_name = "MM", default_value_t = 12.0, allow_negative_numbers = true)]
-    resolution: f64,
-    /// Posture in which the mesh is free of stress: standing, or at heel strike as in the publication.
-    #[arg(long, value_enum, default_value = "standing")]
-    stress_free: StressFreeChoice,
-    /// Which configurations are computed. Contact of all muscles at once still takes very long.
-    #[arg(long, value_enum, default_value = "without")]
-    contact: ContactChoice,
-    /// Only these muscles, by name.
+    /// Scene file (TOML), or the name of a shipped scene such as three_muscles. Default: the built-in walker.
+    scene: Option<PathBuf>,
+    /// Folder of the recordings and surfaces that the scene names.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Length of the edges of the mesh that is aimed at, in mm, in place of the scene's.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    resolution: Option<f64>,
+    /// Posture in which the mesh is free of stress, in place of the scene's: standing, or at heel strike as in the publication.
+    #[arg(long, value_enum)]
+    stress_free: Option<StressFreeChoice>,
+    /// Which configurations are computed [default: both where the scene has contact]
+    #[arg(long, value_enum)]
+    contact: Option<ContactChoice>,
+    /// Only these muscles, by name, in place of the scene's.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
-    /// Folder for the results [default: out/compare-walker]
+    /// Folder for the results [default: out/compare-<scene>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print the verdict as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -70,100 +56,122 @@ enum ContactChoice {
     Without,
 }
 
+impl CompareArguments {
+    /// The scene with what the command line puts in its place, and which configurations are asked for.
+    fn scene(&self) -> Result<(Scene, [bool; 2]), CommandError> {
+        let mut scene = match &self.scene {
+            None => Scene::walker(),
+            Some(file) => Scene::read(file, self.data.as_deref())?,
+        };
+        if let Some(mm) = self.resolution {
+            if !RESOLUTIONS.contains(&mm) {
+                let (least, most) = (RESOLUTIONS.start(), RESOLUTIONS.end());
+                return Err(CommandError::Option(format!(
+                    "--resolution is {mm} mm; give {least} to {most} mm"
+                )));
+            }
+            scene.resolution = mm * 1e-3;
+        }
+        for name in &self.only {
+            known_muscle(name).map_err(|remedy| {
+                CommandError::Option(format!(
+                    "--only names `{name}`, which is no muscle of the thigh; {remedy}"
+                ))
+            })?;
+        }
+        if !self.only.is_empty() {
+            (scene.muscles, scene.deformable) = (self.only.clone(), true);
+        }
+        if let Some(choice) = self.stress_free {
+            let (reading, fibres) = match choice {
+                StressFreeChoice::Standing => (StressFree::Standing, Fibres::Hill),
+                StressFreeChoice::HeelStrike => (StressFree::HeelStrike, Fibres::Thermal),
+            };
+            if scene.stress_free != reading && scene.fibres != Fibres::None {
+                scene.fibres = fibres;
+            }
+            scene.stress_free = reading;
+        }
+        let has_contact = scene.contact.is_some();
+        let asked = match self.contact {
+            None => [true, has_contact],
+            Some(ContactChoice::Without) => [true, false],
+            Some(_) if !has_contact => {
+                let name = &scene.name;
+                return Err(CommandError::Option(format!(
+                    "--contact: the scene `{name}` has none; choose without"
+                )));
+            }
+            Some(ContactChoice::Both) => [true, true],
+            Some(ContactChoice::With) => [false, true],
+        };
+        Ok((scene, asked))
+    }
+}
+
 /// Runs the command.
 pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
-    if !RESOLUTIONS.contains(&arguments.resolution) {
-        let (least, most) = (RESOLUTIONS.start(), RESOLUTIONS.end());
-        return Err(CommandError::Option(format!(
-            "--resolution is {} mm; give {least} to {most} mm",
-            arguments.resolution
-        )));
-    }
-    let mut record = RunRecord::new("compare");
-    let mut clock = Instant::now();
-    let mut lap = |record: &mut RunRecord, stage: &str| {
-        record.stage(stage, clock.elapsed());
-        clock = Instant::now();
-    };
-    let known = lines_of_muscles();
-    if let Some(unknown) = arguments.only.iter().find(|name| !known.contains_key(*name)) {
-        let names: Vec<&str> = known.keys().map(String::as_str).collect();
-        return Err(CommandError::Option(format!(
-            "--only names `{unknown}`, which is no muscle of the thigh; they are {}",
-            names.join(", ")
-        )));
-    }
-    let done = optimize(&OptimizeOptions::default())?;
-    lap(&mut record, "rigid leg");
+    let (scene, asked) = arguments.scene()?;
+    let folder = arguments.out.clone();
+    let folder = folder.unwrap_or_else(|| Path::new("out").join(format!("compare-{}", scene.name)));
+    carry_out("compare", scene, asked, arguments.data.as_deref(), &folder, arguments.json)
+}
 
-    let made =
-        built_in(arguments.resolution * 1e-3, &arguments.only, ThighEffects { fibres: true, shells: true })?;
-    let thigh = &made.thigh;
-    lap(&mut record, "mesh");
-
-    let registration = Registration::new(MeshFrames::built_in(), &done.model).ok_or_else(|| {
-        CommandError::Option("the patella of the rigid leg finds no place at full extension".into())
-    })?;
-    let steps: Vec<RigidStep> = StepName::ALL
-        .iter()
-        .map(|name| rigid_step(&done, &registration, *name).map_err(CommandError::NotConverged))
-        .collect::<Result<_, _>>()?;
-    let plan =
-        Plan::new(&thigh.scene, thigh.mesh.clone()).map_err(|e| CommandError::Option(e.to_string()))?;
-    let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
-    let failed = |e: &dyn std::fmt::Display| CommandError::Option(e.to_string());
-    let curves = calibrate(thigh, &plan, &forces, &SETTINGS).map_err(CompareError::from)?;
-    lap(&mut record, "calibration");
-
-    let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("out/compare-walker"));
-    let out = OutputFolder::open(&folder)?;
-    let stress_free = match arguments.stress_free {
-        StressFreeChoice::Standing => StressFree::Standing,
-        StressFreeChoice::HeelStrike => StressFree::HeelStrike,
-    };
-    let compute = |plan: &Plan, name: &str| {
-        let drive = drive(plan, thigh, &curves, &steps, stress_free)?;
-        let done = configuration(plan, thigh, &drive, &steps, &SETTINGS, &folder.join(name))?;
-        Ok::<_, CommandError>(done)
-    };
-    let mut alone: Option<Configuration> = None;
-    let mut touching: Option<(Plan, Configuration)> = None;
-    if arguments.contact != ContactChoice::With {
-        alone = Some(compute(&plan, "no_contact")?);
-        lap(&mut record, "without contact");
+/// Carries out a scene for `command` and says what came of it.
+pub(super) fn carry_out(
+    command: &str,
+    scene: Scene,
+    asked: [bool; 2],
+    data: Option<&Path>,
+    folder: &Path,
+    json: bool,
+) -> Result<Outcome, CommandError> {
+    let mut record = RunRecord::new(command);
+    let mut progress = Progress::new(&scene, asked);
+    let prepared = Prepared::new(scene, data, &mut |stage| progress.lap(stage))?;
+    for file in &prepared.inputs {
+        record.inputs.push(InputFile::of(file)?);
     }
-    if arguments.contact != ContactChoice::Without {
-        let mut with = thigh.clone();
-        with.add_contact(&made.bones, &made.attachments);
-        let plan = Plan::new(&with.scene, with.mesh).map_err(|e| failed(&e))?;
-        let done = compute(&plan, "contact")?;
-        touching = Some((plan, done));
-        lap(&mut record, "with contact");
-    }
+    let out = OutputFolder::open(folder)?;
+    let study = prepared.solve(asked, folder, &mut |stage| progress.lap(stage))?;
+    record.seconds = progress.finish();
 
-    let touching = touching.as_ref().map(|(plan, result)| Computed { plan, result });
-    let alone = alone.as_ref().map(|result| Computed { plan: &plan, result });
-    let settings = [("Resolution".to_string(), format!("{} mm", arguments.resolution))];
-    let frames = MeshFrames::built_in();
+    let settings = prepared.scene.settings();
+    let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
+    let seconds = record.seconds.clone();
+    let computed =
+        |c: usize| study.configurations[c].as_ref().map(|(plan, result)| Computed { plan, result });
     let report = CompareReport {
-        name: "walker",
-        thigh,
-        bones: &made.bones,
-        mid_thigh: 0.5 * (frames.hip.y + frames.knee.y),
-        steps: &steps,
-        configurations: [alone, touching],
+        name: &prepared.scene.name,
+        thigh: &study.thigh,
+        bones: prepared.made.as_ref().map_or(&[], |m| &m.bones),
+        mid_thigh: prepared.mid_thigh(),
+        steps: &prepared.steps,
+        configurations: [computed(0), computed(1)],
         settings: &settings,
-        simulated: &[],
-        left_out: &[],
-        seconds: &record.seconds.clone(),
+        simulated: &simulated,
+        left_out: &left_out,
+        seconds: &seconds,
     };
+    record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
     let shortcomings = report.shortcomings();
     if !shortcomings.is_empty() {
         record.status = RunStatus::NotConverged;
         record.reason = Some(shortcomings.join("; "));
     }
     let record = write_compare(out, &report, record)?;
-    let _ = print(&mut std::io::stdout().lock(), &report, &record, &folder);
+    let mut terminal = std::io::stdout().lock();
+    // A reader that closes the pipe early is no error.
+    let _ = if json {
+        let verdict = serde_json::json!({
+            "scene": prepared.scene.name, "status": record.status, "reason": record.reason,
+            "differences": record.verdict, "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
+            "files": folder.join("run.json"),
+        });
+        writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data"))
+    } else {
+        print(&mut terminal, &report, &record, folder)
+    };
     Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
 }
 
@@ -175,7 +183,13 @@ fn print(
 ) -> std::io::Result<()> {
     let thigh = report.thigh;
     let elements: usize = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum();
-    writeln!(w, "{} muscles, {elements} elements, {} nodes", thigh.muscles.len(), thigh.mesh.points.len())?;
+    writeln!(
+        w,
+        "{}: {} muscles, {elements} elements, {} nodes",
+        report.name,
+        thigh.muscles.len(),
+        thigh.mesh.points.len()
+    )?;
     let differences = report.differences();
     for (k, step) in report.steps.iter().enumerate() {
         writeln!(
@@ -201,7 +215,7 @@ fn print(
         for d in differences.iter().filter(|d| d.step == step.name) {
             writeln!(
                 w,
-                "  {}: mean difference {:.1} N ({:.1} N of all), largest {:.1} N ({}); muscles share {:.1} cm3",
+                "  {}: mean difference {:.1} N ({:.1} N of all muscles), largest {:.1} N ({}); muscles share {:.1} cm3",
                 d.configuration, d.mean, d.mean_of_all, d.largest, d.largest_muscle, d.shared_volume
             )?;
         }

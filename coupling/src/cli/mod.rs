@@ -4,6 +4,9 @@ mod check;
 mod compare;
 mod mesh;
 mod optimize;
+mod plan;
+mod progress;
+mod step;
 
 use std::process::ExitCode;
 
@@ -39,6 +42,10 @@ enum Command {
     Mesh(mesh::MeshArguments),
     /// Heel strike and loading response on the deformable thigh beside the rigid leg, without and with contact.
     Compare(compare::CompareArguments),
+    /// One scene in one configuration: with contact where the scene has contact.
+    Step(step::StepArguments),
+    /// What a scene would simulate, what it leaves out and why, and what it would cost.
+    Plan(plan::PlanArguments),
     /// Is this input file good; what is wrong, where, and how to mend it.
     Check(check::CheckArguments),
 }
@@ -62,6 +69,8 @@ pub fn main() -> ExitCode {
         Command::Optimize(arguments) => optimize::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Step(arguments) => step::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {

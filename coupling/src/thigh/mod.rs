@@ -4,17 +4,21 @@ pub mod build;
 pub mod inventory;
 pub mod lines;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use fem::mesh::MeshError;
 use fem::mesh::muscle::attachment::Attachment;
+<<<<<<< HEAD
 use fem::mesh::muscle::limb::Limb;
+=======
+use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
+>>>>>>> e5c6bbf (Scenes: what compare, step and plan simulate, as TOML; shipped scenes; progress bar; verdict as JSON)
 use fem::mesh::muscle::{Bone, Built, MuscleBlock, MuscleSections};
+use fem::mesh::{LengthUnit, MeshError};
 
 use crate::thigh_tables::{ATTACHMENTS, BONE_SECTIONS, MUSCLE_SECTIONS};
 use build::{Thigh, ThighEffects, reaches};
 
-/// The built-in thigh at a resolution, without contact.
+/// A thigh at a resolution, without contact.
 pub struct BuiltIn {
     /// Mesh and scene.
     pub thigh: Thigh,
@@ -45,6 +49,7 @@ pub fn limb() -> Result<Limb, MeshError> {
 
 /// Meshes the built-in thigh with edges of about `edge` \[m\]; `only` these muscles, all where it is empty.
 pub fn built_in(edge: f64, only: &[String], effects: ThighEffects) -> Result<BuiltIn, MeshError> {
+<<<<<<< HEAD
     Ok(from_limb(limb()?, edge, only, effects))
 }
 
@@ -53,6 +58,38 @@ pub fn from_limb(mut limb: Limb, edge: f64, only: &[String], effects: ThighEffec
     limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
     let Limb { sections, bones, attachments } = limb;
     let built = fem::mesh::muscle::build(&sections, &bones, edge);
+=======
+    let mut sections = MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?;
+    sections.retain(|m| only.is_empty() || only.contains(&m.name));
+    let bones = Bone::read_csv(BONE_SECTIONS, Path::new("bone_sections.csv"))?;
+    assemble(&sections, bones, edge, effects)
+}
+
+/// Meshes the muscles whose closed surfaces \[m\] lie in the folder `muscles`, beside their bones in the folder `bones`; both in the frame of
+/// the built-in thigh. They hold on to bone where those of the built-in thigh do. Second: the files read.
+pub fn from_surfaces(
+    muscles: &Path,
+    bones: &Path,
+    edge: f64,
+    only: &[String],
+    effects: ThighEffects,
+) -> Result<(BuiltIn, Vec<PathBuf>), SectionError> {
+    let mut ends = MuscleEnds::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
+    ends.retain(|m| only.is_empty() || only.contains(&m.muscle));
+    let anatomy = Anatomy::read(muscles, bones, &ends, LengthUnit::Metre, &Settings::default())?;
+    let made = assemble(&anatomy.muscles, anatomy.bones, edge, effects)?;
+    Ok((made, anatomy.files))
+}
+
+fn assemble(
+    sections: &[MuscleSections],
+    bones: Vec<Bone>,
+    edge: f64,
+    effects: ThighEffects,
+) -> Result<BuiltIn, MeshError> {
+    let attachments = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
+    let built = fem::mesh::muscle::build(sections, &bones, edge);
+>>>>>>> e5c6bbf (Scenes: what compare, step and plan simulate, as TOML; shipped scenes; progress bar; verdict as JSON)
     let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
     let areas = lines::physiological_sections();
     let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches(&bones), effects);

@@ -2,7 +2,8 @@
 (() => {
   "use strict";
   const id = (name) => document.getElementById(name);
-  const [root, canvas, note, tip] = ["viewer", "thigh", "viewer-note", "tip"].map(id);
+  const [canvas, note, tip] = ["thigh", "viewer-note", "tip"].map(id);
+  if (!canvas) return;
   const head = JSON.parse(id("thigh-head").textContent);
   const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
   if (!gl) {

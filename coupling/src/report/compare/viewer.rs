@@ -38,6 +38,9 @@ struct Shown {
 
 /// The section of the page with the viewer and its data.
 pub(super) fn viewer(report: &CompareReport) -> String {
+    if report.configurations.iter().all(Option::is_none) {
+        return String::new(); // the rigid leg alone
+    }
     let parts = Parts::of(report);
     let mut shown = Vec::new();
     for (c, computed) in report.configurations.iter().enumerate() {

@@ -1,0 +1,129 @@
+//! What a scene simulates and what it leaves out, in words: for the page, for `run.json` and for `plan`.
+
+use fem::scene::ContactMode;
+
+use super::{Fibres, Scene};
+use crate::compare::StressFree;
+use crate::thigh::build::Thigh;
+use crate::thigh::lines::lines_of_muscles;
+
+impl Scene {
+    /// Settings as label and value.
+    pub fn settings(&self) -> Vec<(String, String)> {
+        let trial = self.trial.as_ref().and_then(|t| t.file_stem());
+        let thigh = match (&self.surfaces, self.deformable) {
+            (_, false) => "none".to_string(),
+            (None, true) => "built in".to_string(),
+            (Some(folder), true) => {
+                format!("surfaces of {}", folder.file_name().unwrap_or_default().to_string_lossy())
+            }
+        };
+        let stress_free = match self.stress_free {
+            StressFree::Standing => "standing, as meshed",
+            StressFree::HeelStrike => "at heel strike, as in the publication",
+        };
+        let fibres = match self.fibres {
+            Fibres::Hill => "Hill: force from activation and length",
+            Fibres::Thermal => "thermal: force from contraction",
+            Fibres::None => "none",
+        };
+        let contact = match self.contact {
+            Some(ContactMode::Guarded) => "guarded: nothing passes through",
+            Some(ContactMode::Cheap) => "cheap: a penalty on the penetration",
+            None => "none",
+        };
+        let steps: Vec<String> = self
+            .steps
+            .iter()
+            .map(|s| match s.knee_flexion {
+                None => s.name.name().to_string(),
+                Some(angle) => {
+                    format!("{} with the knee flexed by {:.1}°", s.name.name(), angle.to_degrees())
+                }
+            })
+            .collect();
+        let of_thigh =
+            |(label, _): &(&str, String)| self.deformable || ["Trial", "Thigh", "Steps"].contains(label);
+        [
+            ("Trial", trial.map_or("built-in walker".into(), |t| t.to_string_lossy().into_owned())),
+            ("Thigh", thigh),
+            ("Resolution", format!("{} mm", self.resolution * 1e3)),
+            ("Mesh free of stress", stress_free.into()),
+            ("Fibres", fibres.into()),
+            ("Shells", if self.shells { "around every muscle" } else { "none" }.into()),
+            ("Contact", contact.into()),
+            ("Steps", steps.join(", ")),
+        ]
+        .into_iter()
+        .filter(of_thigh)
+        .map(|(label, value)| (label.to_string(), value))
+        .collect()
+    }
+
+    /// What is simulated, a sentence each, and what is left out and why. `asked`: which configurations, without and with contact.
+    pub fn effects(&self, thigh: &Thigh, asked: [bool; 2]) -> (Vec<String>, Vec<(String, String)>) {
+        let all = lines_of_muscles();
+        let lines: usize = all.values().map(Vec::len).sum();
+        let mut simulated = vec![
+            "Rigid leg: posture under joint constraints, inverse dynamics, force sharing over 43 muscle lines, joint contact and ligaments, Hill activations.".to_string(),
+        ];
+        let mut left_out: Vec<(String, String)> = Vec::new();
+        let mut leave = |what: &str, why: &str| left_out.push((what.to_string(), why.to_string()));
+        if !self.deformable {
+            leave("the deformable thigh", "the scene names no muscles: the rigid leg alone");
+            return (simulated, left_out);
+        }
+        let n = thigh.muscles.len();
+        simulated.push(format!(
+            "{n} muscles as hexahedra of mean dilatation, Mooney-Rivlin matrix (A = 3 kPa, B = 0.75 kPa), stiffer towards the ends; tied to bone where they grow from it."
+        ));
+        simulated.push("Bones as rigid bodies that follow the rigid leg.".into());
+        if !thigh.scene.strands.is_empty() {
+            simulated.push(format!(
+                "{} tendons as strands from the end of a muscle to its insertion.",
+                thigh.scene.strands.len()
+            ));
+        }
+        match self.fibres {
+            Fibres::Hill => simulated.push("Fibres along the muscles with the active and passive force-length relation of the Hill model.".into()),
+            Fibres::Thermal => simulated.push("Thermal fibres along the muscles: calibrated on each muscle alone, contraction from the wanted force.".into()),
+            Fibres::None => leave("fibres and activation", "the scene has `fibres = \"none\"`: passive tissue"),
+        }
+        match self.shells {
+            true => simulated.push("Shells of 0.5 mm around the muscles (aponeuroses).".into()),
+            false => leave("shells (aponeuroses)", "the scene has `shells = false`"),
+        }
+        match (self.contact, asked[1]) {
+            (Some(ContactMode::Guarded), true) => simulated.push(
+                "Frictionless contact between all muscles and bones, guarded: nothing passes through.".into(),
+            ),
+            (Some(ContactMode::Cheap), true) => simulated.push(
+                "Frictionless contact between all muscles and bones by a penalty on the penetration.".into(),
+            ),
+            (Some(_), false) => leave("contact", "not asked for in this run"),
+            (None, _) => leave("contact", "the scene has `contact = \"none\"`: every muscle is solved alone"),
+        }
+        if n < all.len() {
+            let names: Vec<String> = all
+                .keys()
+                .filter(|name| thigh.muscles.iter().all(|m| m.name != **name))
+                .map(|name| name.replace('_', " "))
+                .collect();
+            leave(
+                &format!("{} muscles of the thigh", all.len() - n),
+                &format!("the scene does not name them: {}", names.join(", ")),
+            );
+        }
+        leave(
+            &format!("the other {} lines of the rigid leg", 43 - lines),
+            "the thigh has no mesh of them, tensor fasciae latae among them",
+        );
+        leave("inertia", "the steps are solved as equilibria");
+        leave(
+            "gravity on the muscles",
+            "the forces compared carry the limb; those of a muscle's weight are a few newtons",
+        );
+        leave("friction, fat, fascia lata and skin", "not modelled");
+        (simulated, left_out)
+    }
+}

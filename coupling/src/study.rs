@@ -1,0 +1,193 @@
+//! A scene carried out: the rigid leg, the mesh, the fibres, and the steps in each configuration.
+
+#![allow(non_snake_case)]
+
+use std::path::{Path, PathBuf};
+
+use fem::mesh::Mesh;
+use fem::plan::Plan;
+use fem::solve::Settings;
+
+use crate::calibration::calibrate;
+use crate::compare::{CompareError, Configuration, configuration, drive, wanted};
+use crate::error::CommandError;
+use crate::optimize::{OptimizeOptions, Optimized, optimize};
+use crate::registration::{MeshFrames, Registration};
+use crate::scene::{Fibres, Scene};
+use crate::steps::{RigidStep, rigid_step};
+use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
+use crate::thigh::lines::lines_of_muscles;
+use crate::thigh::{BuiltIn, built_in, from_surfaces};
+
+/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 100 N: forces of single muscles
+/// are compared in newtons. Muscles that hang slack take many iterations, and more when they are approached in small steps.
+pub const SETTINGS: Settings = Settings {
+    tolerance: 1e-4,
+    least_force: 100.0,
+    max_iterations: 400,
+    first_step: 1.0,
+    least_step: 1e-4,
+    double_precision_factor: false,
+    check_stability: false,
+};
+
+/// Folders of the configurations without and with contact.
+pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
+/// Stages of a study, in their order.
+pub const STAGES: [&str; 5] = ["rigid leg", "mesh", "calibration", "without contact", "with contact"];
+
+/// A scene with everything but the solution.
+pub struct Prepared {
+    /// The scene.
+    pub scene: Scene,
+    /// The rigid leg.
+    pub done: Optimized,
+    /// Where the bones of the mesh are.
+    pub registration: Registration,
+    /// What the rigid leg says of the steps.
+    pub steps: Vec<RigidStep>,
+    /// Mesh and bones; `None` for the rigid leg alone.
+    pub made: Option<BuiltIn>,
+    /// The thigh; of the rigid leg alone just the names of its muscles.
+    pub thigh: Thigh,
+    /// Files that were read.
+    pub inputs: Vec<PathBuf>,
+}
+
+/// What came of a scene.
+pub struct Study {
+    /// The thigh with its fibres.
+    pub thigh: Thigh,
+    /// Without and with contact, where asked for.
+    pub configurations: [Option<(Plan, Configuration)>; 2],
+}
+
+impl Prepared {
+    /// Computes the rigid leg and meshes the thigh. `data`: folder of recordings and surfaces; `lap` is called as each stage ends.
+    pub fn new(
+        scene: Scene,
+        data: Option<&Path>,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Prepared, CommandError> {
+        let options = OptimizeOptions {
+            trial: scene.trial.clone(),
+            data: data.map(Path::to_path_buf),
+            ..OptimizeOptions::default()
+        };
+        let done = optimize(&options)?;
+        let mut inputs = done.case.inputs.clone();
+        let registration = Registration::new(MeshFrames::built_in(), &done.model).ok_or_else(|| {
+            CommandError::Option("the patella of the rigid leg finds no place at full extension".into())
+        })?;
+        let mut steps = Vec::new();
+        for spec in &scene.steps {
+            let mut step = rigid_step(&done, &registration, spec.name).map_err(CommandError::NotConverged)?;
+            if let Some(flexion) = spec.knee_flexion {
+                let Q = &done.motion.Q[done.motion.report.start + step.row];
+                step.poses = registration.poses_at_flexion(&done.model, Q, flexion).ok_or_else(|| {
+                    let degrees = flexion.to_degrees();
+                    CommandError::Option(format!(
+                        "the knee of the rigid leg cannot be flexed by {degrees:.1} degrees"
+                    ))
+                })?;
+                step.knee_flexion = flexion;
+            }
+            steps.push(step);
+        }
+        lap(STAGES[0]);
+        let effects = ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells };
+        let made = match (&scene.surfaces, scene.deformable) {
+            (_, false) => None,
+            (None, true) => Some(built_in(scene.resolution, &scene.muscles, effects)?),
+            (Some(folder), true) => {
+                let bones = folder.join("..").join("bones");
+                let (made, files) = from_surfaces(folder, &bones, scene.resolution, &scene.muscles, effects)?;
+                inputs.extend(files);
+                Some(made)
+            }
+        };
+        if made.is_some() {
+            lap(STAGES[1]);
+        }
+        let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
+        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs })
+    }
+
+    /// Elements of the muscles.
+    pub fn n_elements(&self) -> usize {
+        self.thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum()
+    }
+
+    /// Height of the section through the middle of the thigh \[m\].
+    pub fn mid_thigh(&self) -> f64 {
+        let frames = MeshFrames::built_in();
+        0.5 * (frames.hip.y + frames.knee.y)
+    }
+
+    /// Compiles the thigh with (1) or without contact (0).
+    pub fn plan(&self, thigh: &Thigh, configuration: usize) -> Result<Plan, CommandError> {
+        let mut thigh = thigh.clone();
+        if let (1, Some(made), Some(mode)) = (configuration, &self.made, self.scene.contact) {
+            thigh.add_contact(&made.bones, &made.attachments);
+            thigh.scene.contact.as_mut().expect("just added").mode = mode;
+        }
+        Plan::new(&thigh.scene, thigh.mesh).map_err(|e| CommandError::Option(e.to_string()))
+    }
+
+    /// Calibrates the fibres and solves the steps without and with contact, as `wanted` says; frames go to the [`FOLDERS`] in `folder`.
+    pub fn solve(
+        &self,
+        asked: [bool; 2],
+        folder: &Path,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Study, CommandError> {
+        let thigh = self.thigh.clone();
+        let mut study = Study { thigh, configurations: [None, None] };
+        if self.made.is_none() {
+            return Ok(study);
+        }
+        let thigh = &study.thigh;
+        let alone = self.plan(thigh, 0)?;
+        let mut steps = self.steps.clone();
+        let curves = if self.scene.fibres == Fibres::None {
+            for line in steps.iter_mut().flat_map(|s| &mut s.muscles).flat_map(|m| &mut m.lines) {
+                line.force = 0.0;
+            }
+            vec![Default::default(); thigh.muscles.len()]
+        } else {
+            let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
+            let curves = calibrate(thigh, &alone, &forces, &SETTINGS).map_err(CompareError::from)?;
+            lap(STAGES[2]);
+            curves
+        };
+        let mut alone = Some(alone);
+        for c in (0..2).filter(|c| asked[*c]) {
+            let plan = match alone.take_if(|_| c == 0) {
+                Some(plan) => plan,
+                None => self.plan(thigh, c)?,
+            };
+            let way = drive(&plan, thigh, &curves, &steps, self.scene.stress_free)?;
+            let done = configuration(&plan, thigh, &way, &steps, &SETTINGS, &folder.join(FOLDERS[c]))?;
+            lap(STAGES[3 + c]);
+            study.configurations[c] = Some((plan, done));
+        }
+        Ok(study)
+    }
+}
+
+/// The muscles of the rigid leg that the thigh would have, without mesh.
+fn names_only() -> Thigh {
+    let muscle = |name: String| ThighMuscle {
+        name,
+        line: Vec::new(),
+        s: Vec::new(),
+        areas: Vec::new(),
+        fibre_area: 0.0,
+        tied: Default::default(),
+    };
+    Thigh {
+        mesh: Mesh::default(),
+        scene: Default::default(),
+        muscles: lines_of_muscles().into_keys().map(muscle).collect(),
+    }
+}

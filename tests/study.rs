@@ -1,0 +1,222 @@
+//! Scenes: what they may say, what is refused, and what `plan`, `step` and `compare` make of them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use coupling::compare::StressFree;
+use coupling::scene::{Fibres, Scene};
+use coupling::steps::StepName;
+use fem::scene::ContactMode;
+use serde_json::Value;
+use support::{sartorius, shared};
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/scenes")
+}
+
+/// Path of a shipped scene for the command line.
+fn shipped(name: &str) -> String {
+    scenes().join(name).with_extension("toml").to_str().unwrap().to_string()
+}
+
+fn parse(text: &str) -> Result<Scene, String> {
+    Scene::parse(Path::new("mine.toml"), text, None).map_err(|e| e.to_string())
+}
+
+#[test]
+fn an_empty_scene_is_the_walker() {
+    let (empty, walker) = (parse("").unwrap(), Scene::walker());
+    let same = |s: Scene| Scene { name: String::new(), text: String::new(), folder: None, ..s };
+    assert_eq!(same(empty), same(walker.clone()));
+    assert_eq!((walker.trial, walker.muscles.len(), walker.resolution), (None, 0, 0.012));
+    assert_eq!((walker.stress_free, walker.fibres), (StressFree::Standing, Fibres::Hill));
+    assert_eq!(walker.contact, Some(ContactMode::Guarded));
+    let names: Vec<StepName> = walker.steps.iter().map(|s| s.name).collect();
+    assert_eq!(names, StepName::ALL);
+}
+
+#[test]
+fn every_key_is_heard() {
+    let scene = parse(
+        "muscles = [\"sartorius\", \"gracilis\"]\nresolution_mm = 8.0\nstress_free = \"heel_strike\"\n\
+         [effects]\nfibres = \"none\"\nshells = false\ncontact = \"cheap\"\n\
+         [[step]]\nname = \"loading_response\"\nknee_flexion_deg = 15.0\n[[step]]\nname = \"heel_strike\"\n",
+    )
+    .unwrap();
+    assert_eq!(scene.muscles, ["sartorius", "gracilis"]);
+    assert_eq!((scene.resolution, scene.stress_free), (0.008, StressFree::HeelStrike));
+    assert_eq!((scene.fibres, scene.shells, scene.contact), (Fibres::None, false, Some(ContactMode::Cheap)));
+    // In the order of time, whatever the file says.
+    assert_eq!(scene.steps[0].name, StepName::HeelStrike);
+    assert!((scene.steps[1].knee_flexion.unwrap() - 15_f64.to_radians()).abs() < 1e-15);
+    assert!(!parse("muscles = \"none\"").unwrap().deformable);
+    assert_eq!(parse("stress_free = \"heel_strike\"").unwrap().fibres, Fibres::Thermal);
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused_with_line_value_and_remedy() {
+    for (scene, wanted) in [
+        ("resolutoin_mm = 6.0", &["line 1", "`resolutoin_mm`", "`resolution_mm`"][..]),
+        ("\n\nresolution_mm = 60.0", &["line 3", "60", "3 to 20 mm"]),
+        ("resolution_mm = nan", &["line 1", "NaN", "3 to 20 mm"]),
+        ("resolution_mm = \"fine\"", &["line 1", "f64"]),
+        (
+            "muscles = [\n  \"sartorius\",\n  \"gracillis\",\n]",
+            &["line 3", "`gracillis`", "did you mean `gracilis`"],
+        ),
+        ("muscles = [\"sartorius\", \"sartorius\"]", &["line 1", "twice"]),
+        ("muscles = []", &["line 1", "empty"]),
+        ("muscles = \"al\"", &["line 1", "`al`", "\"all\""]),
+        ("[effects]\ncontact = \"gaurded\"", &["line 2", "contact", "`gaurded`", "did you mean `guarded`"]),
+        ("[effects]\nfibers = \"hill\"", &["line 2", "`fibers`", "`fibres`"]),
+        ("[effects]\nfibres = \"hil\"", &["line 2", "did you mean `hill`"]),
+        ("[[step]]\nname = \"toe_off\"", &["line 2", "`toe_off`", "heel_strike"]),
+        ("[[step]]\nname = \"heel_strike\"\n[[step]]\nname = \"heel_strike\"", &["line 4", "again"]),
+        ("[[step]]\nname = \"heel_strike\"\nknee_flexion_deg = -3.0", &["line 3", "-3", "0 to 120 degrees"]),
+        ("step = []", &["step", "both steps"]),
+        ("stress_free = \"heel_strike\"\n[[step]]\nname = \"loading_response\"", &["line 1", "standing"]),
+        ("trial = \"nowhere.toml\"", &["nowhere.toml"]),
+        ("surfaces = \"nowhere\"", &["line 1", "`nowhere`", "--data"]),
+        ("trial = ", &["line 1"]),
+    ] {
+        let error = parse(scene).map(|s| panic!("{scene} is taken: {s:?}")).unwrap_err();
+        assert!(error.contains("mine.toml"), "{error}");
+        for word in wanted {
+            assert!(error.contains(word), "{scene}: {error} lacks {word}");
+        }
+    }
+}
+
+#[test]
+fn shipped_scenes_are_good_and_plans_name_what_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = |name: &str| -> Value {
+        // Coarse, so that the meshes take no time.
+        let text = fs::read_to_string(shipped(name)).unwrap().replace("resolution_mm = 12.0\n", "");
+        let file = folder.path().join(name).with_extension("toml");
+        fs::write(&file, format!("resolution_mm = 14.0\n{text}")).unwrap();
+        let output = sartorius(&["plan", file.to_str().unwrap(), "--json"], folder.path());
+        fs::remove_file(&file).unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{name}: {said}");
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let left_out = |plan: &Value| -> Vec<String> {
+        plan["left_out"].as_array().unwrap().iter().map(|p| format!("{}: {}", p[0], p[1])).collect()
+    };
+    let has = |plan: &Value, word: &str| left_out(plan).iter().any(|l| l.contains(word));
+    let stage = |plan: &Value, i: usize| plan["stages"][i]["stage"].as_str().unwrap_or("").to_string();
+    let seconds = |plan: &Value| plan["expected_seconds"].as_f64().unwrap();
+    let [full, alone, three, passive, rigid] =
+        ["walker", "walker_no_contact", "three_muscles", "no_fibres", "rigid_only"].map(plan);
+    assert!(!has(&full, "contact") && !has(&full, "fibres") && has(&full, "gravity"));
+    assert!(has(&alone, "contact") && !has(&alone, "fibres"));
+    assert!(has(&three, "14 muscles") && has(&three, "vastus lateralis"));
+    assert!(has(&passive, "fibres") && stage(&passive, 0) == "without contact");
+    assert!(has(&rigid, "deformable thigh") && rigid["elements"] == 0);
+    assert_eq!(
+        [stage(&full, 0), stage(&full, 1), stage(&full, 2)],
+        ["calibration", "without contact", "with contact"]
+    );
+    // What is absent costs nothing.
+    assert!(
+        seconds(&full) > seconds(&alone)
+            && seconds(&alone) > seconds(&passive)
+            && seconds(&passive) > seconds(&rigid)
+    );
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "plan writes nothing");
+    for entry in fs::read_dir(scenes()).unwrap() {
+        let file = entry.unwrap().path();
+        let data = if file.ends_with("real_surfaces.toml") { shared("anatomy") } else { None };
+        if file.ends_with("real_surfaces.toml") && data.is_none() {
+            continue;
+        }
+        // Trials are found from the root of the repository.
+        if !fs::read_to_string(&file).unwrap().contains("og3") {
+            Scene::read(&file, data.as_deref()).unwrap();
+        }
+    }
+}
+
+#[test]
+fn the_rigid_leg_alone_is_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = sartorius(&["compare", &shipped("rigid_only"), "--out", "r"], folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let table = fs::read_to_string(folder.path().join("r/comparison.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + 2 * 17);
+    let row = table.lines().find(|l| l.starts_with("heel_strike,gluteus_minimus")).unwrap();
+    let cells: Vec<&str> = row.split(',').collect();
+    assert!(cells[3].parse::<f64>().unwrap() > 50.0 && cells[4..].iter().all(|c| c.is_empty()), "{row}");
+    assert!(fs::read_to_string(folder.path().join("r/report.html")).unwrap().contains("gluteus minimus"));
+    assert!(!folder.path().join("r/no_contact").exists());
+}
+
+#[test]
+fn a_step_is_one_configuration_and_json_is_its_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "muscles = [\"gluteus_minimus\"]\nresolution_mm = 16.0\nstress_free = \"heel_strike\"\n\
+                 [effects]\nshells = false\ncontact = \"none\"\n[[step]]\nname = \"heel_strike\"\n";
+    fs::write(folder.path().join("one.toml"), scene).unwrap();
+    let output = sartorius(&["step", "one.toml", "--json", "--threads", "1"], folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(output.stderr.is_empty(), "a piped bar is silent: {}", text(&output.stderr));
+    let verdict: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&verdict["status"], &verdict["scene"]), (&"solved".into(), &"one".into()));
+    let differences = verdict["differences"].as_array().unwrap();
+    assert_eq!(differences.len(), 1);
+    assert_eq!(differences[0]["configuration"], "without contact");
+    assert!(differences[0]["largest_N"].as_f64().unwrap() < 5.0);
+    let out = folder.path().join("out/step-one");
+    assert!(out.join("run.json").exists() && !out.join("contact").exists());
+    let shells = fs::read_to_string(out.join("comparison.csv")).unwrap();
+    assert!(shells.lines().nth(1).unwrap().ends_with(",0.000"), "no shell, no force in it: {shells}");
+}
+
+#[test]
+fn passive_tissue_has_no_fibre_force_and_a_prescribed_knee_moves_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = |flexion: &str| {
+        let scene = format!(
+            "muscles = [\"vastus_lateralis\"]\nresolution_mm = 16.0\n[effects]\nfibres = \"none\"\ncontact = \"none\"\n\
+             [[step]]\nname = \"loading_response\"\nknee_flexion_deg = {flexion}\n"
+        );
+        fs::write(folder.path().join("passive.toml"), scene).unwrap();
+        let output = sartorius(&["compare", "passive.toml", "--out", "p"], folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let table = fs::read_to_string(folder.path().join("p/comparison.csv")).unwrap();
+        let cells: Vec<f64> =
+            table.lines().nth(1).unwrap().split(',').skip(2).map(|c| c.parse().unwrap_or(f64::NAN)).collect();
+        cells
+    };
+    let (straight, bent) = (table("0.0"), table("30.0"));
+    for cells in [&straight, &bent] {
+        assert_eq!(cells[6], 0.0, "fibres: {cells:?}");
+    }
+    // The mesh stands with straight knee, where it is free of stress; the solver stops at 0.01 N.
+    assert!(straight[2].abs() < 0.02, "{straight:?}");
+    assert!(bent[2] > 0.2, "flexion stretches the vasti: {bent:?}");
+}
+
+#[test]
+fn scenes_that_are_no_scenes_end_with_2_and_write_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("wrong.toml"), "[effects]\ncontact = \"gaurded\"\n").unwrap();
+    for command in ["compare", "step", "plan"] {
+        for (scene, words) in
+            [("wrong.toml", "line 2"), ("nowhere.toml", "nowhere.toml"), ("wallker", "wallker")]
+        {
+            let output = sartorius(&[command, scene], folder.path());
+            assert_eq!(output.status.code(), Some(2), "{command} {scene}");
+            assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let output = sartorius(&["plan", "three_muscels"], &root);
+    assert!(text(&output.stderr).contains("did you mean `three_muscles`"), "{}", text(&output.stderr));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
