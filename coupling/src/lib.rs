@@ -12,7 +12,7 @@ pub mod report;
 pub mod scene;
 pub mod section;
 pub mod steps;
-pub mod subject;
 pub mod study;
+pub mod subject;
 pub mod thigh;
 pub mod thigh_tables;

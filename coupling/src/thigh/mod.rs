@@ -7,11 +7,8 @@ pub mod lines;
 use std::path::{Path, PathBuf};
 
 use fem::mesh::muscle::attachment::Attachment;
-<<<<<<< HEAD
-use fem::mesh::muscle::limb::Limb;
-=======
 use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
->>>>>>> e5c6bbf (Scenes: what compare, step and plan simulate, as TOML; shipped scenes; progress bar; verdict as JSON)
+use fem::mesh::muscle::limb::Limb;
 use fem::mesh::muscle::{Bone, Built, MuscleBlock, MuscleSections};
 use fem::mesh::{LengthUnit, MeshError};
 
@@ -49,7 +46,6 @@ pub fn limb() -> Result<Limb, MeshError> {
 
 /// Meshes the built-in thigh with edges of about `edge` \[m\]; `only` these muscles, all where it is empty.
 pub fn built_in(edge: f64, only: &[String], effects: ThighEffects) -> Result<BuiltIn, MeshError> {
-<<<<<<< HEAD
     Ok(from_limb(limb()?, edge, only, effects))
 }
 
@@ -58,11 +54,10 @@ pub fn from_limb(mut limb: Limb, edge: f64, only: &[String], effects: ThighEffec
     limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
     let Limb { sections, bones, attachments } = limb;
     let built = fem::mesh::muscle::build(&sections, &bones, edge);
-=======
-    let mut sections = MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?;
-    sections.retain(|m| only.is_empty() || only.contains(&m.name));
-    let bones = Bone::read_csv(BONE_SECTIONS, Path::new("bone_sections.csv"))?;
-    assemble(&sections, bones, edge, effects)
+    let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
+    let areas = lines::physiological_sections();
+    let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches(&bones), effects);
+    BuiltIn { thigh, bones, attachments, built }
 }
 
 /// Meshes the muscles whose closed surfaces \[m\] lie in the folder `muscles`, beside their bones in the folder `bones`; both in the frame of
@@ -76,22 +71,8 @@ pub fn from_surfaces(
 ) -> Result<(BuiltIn, Vec<PathBuf>), SectionError> {
     let mut ends = MuscleEnds::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
     ends.retain(|m| only.is_empty() || only.contains(&m.muscle));
-    let anatomy = Anatomy::read(muscles, bones, &ends, LengthUnit::Metre, &Settings::default())?;
-    let made = assemble(&anatomy.muscles, anatomy.bones, edge, effects)?;
-    Ok((made, anatomy.files))
-}
-
-fn assemble(
-    sections: &[MuscleSections],
-    bones: Vec<Bone>,
-    edge: f64,
-    effects: ThighEffects,
-) -> Result<BuiltIn, MeshError> {
-    let attachments = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
-    let built = fem::mesh::muscle::build(sections, &bones, edge);
->>>>>>> e5c6bbf (Scenes: what compare, step and plan simulate, as TOML; shipped scenes; progress bar; verdict as JSON)
-    let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
-    let areas = lines::physiological_sections();
-    let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches(&bones), effects);
-    BuiltIn { thigh, bones, attachments, built }
+    let Anatomy { muscles: sections, bones, files, .. } =
+        Anatomy::read(muscles, bones, &ends, LengthUnit::Metre, &Settings::default())?;
+    let attachments = limb()?.attachments;
+    Ok((from_limb(Limb { sections, bones, attachments }, edge, &[], effects), files))
 }
