@@ -205,6 +205,16 @@ pub enum FibreLawSpec {
         /// Stretch at which the fibre has its optimal length.
         lambda_opt: f64,
     },
+    /// [`crate::material::force_length::ForceLength`], for fibres along mesh edges: lines of the region that follow each other (the
+    /// second node of one is the first of the next) are one fibre with one tension.
+    ForceLength {
+        /// Stretches of the samples, increasing.
+        stretch: Vec<f64>,
+        /// Activations of the samples, increasing.
+        activation: Vec<f64>,
+        /// Stress \[Pa\], not negative: a row per activation, a column per stretch.
+        stress: Vec<Vec<f64>>,
+    },
 }
 
 /// A membrane region.

@@ -4,12 +4,14 @@
 
 #![allow(non_snake_case)]
 
+pub mod chain;
 pub mod line;
 pub mod load;
 pub mod membrane;
 pub mod pressure;
 pub mod solid;
 
+pub use chain::Chains;
 pub use line::Lines;
 pub use load::DeadLoad;
 pub use membrane::Membrane;

@@ -8,6 +8,7 @@
 
 pub mod blemker;
 mod fibre_reinforced;
+pub mod force_length;
 mod isotropic;
 mod jet;
 mod law;

@@ -43,6 +43,12 @@ pub enum SceneError {
         /// Names like it.
         nearest: String,
     },
+    /// A law that needs fibres along mesh edges.
+    #[error("{user}: its law needs the length of whole fibres; let them follow a region of lines, or choose another law")]
+    NotEmbedded {
+        /// Which part of the scene.
+        user: String,
+    },
     /// Two things that must not have the same name.
     #[error("{what} `{name}` is there twice; rename one")]
     Twice {

@@ -3,8 +3,10 @@
 use super::SceneError;
 use super::embed::Embedding;
 use super::term::{Builder, Names, Term, cells_of, check};
+use crate::effect::chain::{Chain, Chains};
 use crate::effect::line::{End, Lines, Segment};
 use crate::effect::{Effect, NO_NODE};
+use crate::material::force_length::ForceLength;
 use crate::material::line::{HillFibre, LineLaw, Strand, ThermalFibre};
 use crate::mesh::{CellKind, Mesh};
 use crate::scene::{Course, FibreLawSpec, FibreSpec, StrandSpec};
@@ -38,6 +40,10 @@ pub fn fibres(
     match &spec.course {
         Course::Region(region) => {
             let block = lines_of(mesh, region, &user)?;
+            if let FibreLawSpec::ForceLength { stretch, activation: samples, stress } = &spec.law {
+                let law = force_length(&user, stretch, samples, stress)?;
+                return chains(&spec.name, &user, mesh, block, law, activation, area_of);
+            }
             let n = block.len() / 2;
             let segments = block
                 .chunks_exact(2)
@@ -111,12 +117,81 @@ fn law(user: &str, spec: &FibreLawSpec, area: f64) -> Result<LineLaw, SceneError
             }
             Ok(LineLaw::Thermal(ThermalFibre { stiffness: young * area, contraction, strain, toe }))
         }
+        FibreLawSpec::ForceLength { .. } => Err(SceneError::NotEmbedded { user: user.to_string() }),
         FibreLawSpec::Hill { sigma_max, lambda_opt } => {
             check(user, "sigma_max [Pa]", sigma_max, sigma_max > 0.0, "positive")?;
             check(user, "lambda_opt", lambda_opt, lambda_opt > 0.0, "positive")?;
             Ok(LineLaw::Hill(HillFibre { f_max: sigma_max * area, lambda_opt }))
         }
     }
+}
+
+fn force_length(
+    user: &str,
+    stretch: &[f64],
+    activation: &[f64],
+    stress: &[Vec<f64>],
+) -> Result<ForceLength, SceneError> {
+    for (samples, quantity, least) in [(stretch, "stretch", 2), (activation, "activation", 1)] {
+        let count = samples.len() as f64;
+        check(user, &format!("number of samples of {quantity}"), count, samples.len() >= least, "larger")?;
+        check(user, &format!("first {quantity}"), samples[0], samples[0] >= 0.0, "at least 0")?;
+        for pair in samples.windows(2) {
+            check(user, &format!("{quantity} after {}", pair[0]), pair[1], pair[1] > pair[0], "larger")?;
+        }
+    }
+    let rows = stress.iter().map(|row| (row.len(), stretch.len(), "stretches"));
+    for (found, wanted, per) in rows.chain([(stress.len(), activation.len(), "activations")]) {
+        if found != wanted {
+            let needed = format!("{wanted}, as many as {per}");
+            return Err(SceneError::Count { user: user.to_string(), quantity: "stresses", found, needed });
+        }
+    }
+    for &s in stress.iter().flatten() {
+        check(user, "stress [Pa]", s, s >= 0.0, "at least 0")?;
+    }
+    Ok(ForceLength::new(stretch.to_vec(), activation.to_vec(), stress))
+}
+
+/// The term of fibres that have one tension each.
+fn chains(
+    name: &str,
+    user: &str,
+    mesh: &Mesh,
+    block: &[u32],
+    law: ForceLength,
+    activation: Option<usize>,
+    area_of: impl Fn(usize, usize) -> Result<f64, SceneError>,
+) -> Result<Term, SceneError> {
+    let pairs: Vec<[u32; 2]> = block.as_chunks::<2>().0.to_vec();
+    let mut fibre_of = Vec::with_capacity(pairs.len());
+    let mut fibres: Vec<Chain> = Vec::new();
+    for (i, &[a, b]) in pairs.iter().enumerate() {
+        let length = distance(mesh.points[a as usize], mesh.points[b as usize]);
+        check(user, "length of a segment [m]", length, length > 0.0, "positive")?;
+        if i == 0 || pairs[i - 1][1] != a {
+            fibres.push(Chain { segments: Vec::new(), length: 0.0, area: area_of(i, pairs.len())? });
+        }
+        let fibre = fibres.last_mut().expect("the first line starts a fibre");
+        let area = area_of(i, pairs.len())?;
+        check(user, "area [m^2] within a fibre", area, area == fibre.area, "the same from end to end")?;
+        fibre.length += length;
+        fibre_of.push(fibres.len() - 1);
+    }
+    let build: Builder = Box::new(move |name, points, nodes, groups| {
+        let mut chains: Vec<Chain> = Vec::new();
+        let mut last = None;
+        for (pair, &group) in nodes.as_chunks::<2>().0.iter().zip(groups) {
+            let fibre = fibre_of[group as usize];
+            if last != Some(fibre) {
+                chains.push(fibres[fibre].clone());
+                last = Some(fibre);
+            }
+            chains.last_mut().expect("pushed").segments.push(*pair);
+        }
+        Ok(Box::new(Chains::new(name, activation, law.clone(), points, &chains)) as Box<dyn Effect>)
+    });
+    Ok(Term { name: name.to_string(), nodes_per_group: 2, nodes: block.to_vec(), couples: true, build })
 }
 
 fn lines_of<'a>(mesh: &'a Mesh, region: &str, user: &str) -> Result<&'a [u32], SceneError> {
