@@ -4,12 +4,11 @@
 //! through its belly at each step makes a curve. The wanted force is then looked up: the curve knows nothing of the gait
 //! step, of neighbours or of contact.
 
-use fem::measure::section_force;
 use fem::plan::{Plan, SceneError};
 use fem::run::{DriveFrame, Session};
 use fem::solve::{Settings, SolveError};
 
-use crate::section::belly_cut;
+use crate::section::belly_force;
 use crate::thigh::build::{FIBRE_YOUNG, Thigh, ThighMuscle};
 
 /// Samples of a curve at most.
@@ -66,6 +65,25 @@ pub enum CalibrationError {
     /// The muscle alone found no equilibrium.
     #[error("calibration of the fibres: {0}")]
     Solve(SolveError),
+    /// Fibres that pull, and no force through the belly to match.
+    #[error(
+        "calibration of `{muscle}`: its fibres would have to pull {gain:.2} times as hard as the force through the belly; \
+         its mesh or its attachments are at fault"
+    )]
+    Gain {
+        /// The muscle.
+        muscle: String,
+        /// Tension of the fibres over force through the belly.
+        gain: f64,
+    },
+    /// A force that no activation explains.
+    #[error("`{muscle}`: no activation up to 1.8 makes the {wanted:.0} N of the Hill model at its length")]
+    BeyondHill {
+        /// The muscle.
+        muscle: String,
+        /// Wanted force \[N\].
+        wanted: f64,
+    },
     /// More contraction gave less force.
     #[error(
         "calibration of `{muscle}`: the force through the belly falls from {before:.1} to {after:.1} N while its fibres contract to {contraction:.3}; \
@@ -136,8 +154,7 @@ pub fn calibrate(
             return Err(CalibrationError::Solve(error));
         }
         for m in &mut muscles {
-            let (cut, tangent) = belly_cut(m.muscle);
-            m.see(section_force(plan, done.frame.snapshot(), &cut).along(tangent.into()));
+            m.see(belly_force(plan, done.frame.snapshot(), m.muscle).along());
         }
     }
     muscles.into_iter().map(Search::curve).collect()

@@ -7,17 +7,17 @@ use std::time::{Duration, Instant};
 use fem::body::Pose;
 use fem::effect::Part;
 use fem::geometry::{SearchSurface, Surface};
-use fem::measure::{collision_surfaces, section_force};
+use fem::measure::collision_surfaces;
 use fem::output::run_to_files;
 use fem::plan::{Plan, SceneError};
 use fem::run::{Drive, DriveFrame, Frame, Run};
 use fem::solve::Settings;
 use rayon::prelude::*;
 
-use crate::calibration::{CalibrationError, FibreCurve};
+use crate::calibration::CalibrationError;
 use crate::error::CommandError;
 use crate::registration::BODIES;
-use crate::section::belly_cut;
+use crate::section::belly_force;
 use crate::steps::{RigidStep, StepName};
 use crate::thigh::build::{Thigh, ThighMuscle};
 
@@ -91,11 +91,12 @@ impl From<CompareError> for CommandError {
     }
 }
 
-/// Frames of the drive: the way to heel strike passive, the activation there, then loading response.
+/// Frames of the drive: the way to heel strike passive, the activation there, then loading response. `controls`: per step the control of
+/// every muscle.
 pub fn drive(
     plan: &Plan,
     thigh: &Thigh,
-    curves: &[FibreCurve],
+    controls: &[Vec<f64>],
     steps: &[RigidStep],
     stress_free: StressFree,
 ) -> Result<Drive, CompareError> {
@@ -104,20 +105,10 @@ pub fn drive(
         StressFree::Standing => Default::default(),
         StressFree::HeelStrike => steps[0].poses,
     };
-    let mut push = |time: f64, poses: &[Pose; 4], forces: &[f64]| -> Result<(), CompareError> {
-        let mut controls = Vec::new();
-        for ((muscle, curve), &force) in thigh.muscles.iter().zip(curves).zip(forces) {
-            let contraction = curve.contraction_for(force).ok_or_else(|| CalibrationError::TooWeak {
-                muscle: muscle.name.clone(),
-                wanted: force,
-                reached: curve.force.last().copied().unwrap_or(0.0),
-                contraction: curve.contraction.last().copied().unwrap_or(0.0),
-            })?;
-            // Without fibres nothing is driven.
-            if plan.controls.contains(&muscle.name) {
-                controls.push((muscle.name.as_str(), contraction));
-            }
-        }
+    let mut push = |time: f64, poses: &[Pose; 4], controls: &[f64]| -> Result<(), CompareError> {
+        // Without fibres nothing is driven.
+        let driven = thigh.muscles.iter().zip(controls).filter(|(m, _)| plan.controls.contains(&m.name));
+        let controls: Vec<(&str, f64)> = driven.map(|(m, c)| (m.name.as_str(), *c)).collect();
         let moved: Vec<(&str, Pose)> = BODIES
             .iter()
             .zip(poses.iter().zip(&start))
@@ -131,7 +122,7 @@ pub fn drive(
         push(0.5, &steps[0].poses, &vec![0.0; thigh.muscles.len()])?;
     }
     for (i, step) in steps.iter().enumerate() {
-        push(1.0 + i as f64, &step.poses, &wanted(thigh, step))?;
+        push(1.0 + i as f64, &step.poses, &controls[i])?;
     }
     Ok(Drive { frames })
 }
@@ -205,11 +196,10 @@ fn skins(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<SearchSurface> {
 
 /// Force of a muscle through its belly.
 fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce {
-    let (cut, tangent) = belly_cut(muscle);
-    let section = section_force(plan, frame.snapshot(), &cut);
-    let part = |p| section.part_along(p, tangent.into());
+    let belly = belly_force(plan, frame.snapshot(), muscle);
+    let part = |p| belly.section.part_along(p, belly.tangent.into());
     MuscleForce {
-        total: section.along(tangent.into()),
+        total: belly.along(),
         fibre: part(Part::Fibre),
         matrix: part(Part::Matrix),
         shell: part(Part::Membrane),

@@ -51,6 +51,13 @@ impl MeshFrames {
     }
 }
 
+impl MeshFrames {
+    /// The frames of the same limb with a thigh `factor` times as long, about the hip centre.
+    pub fn sized(self, factor: f64) -> MeshFrames {
+        MeshFrames { knee: self.hip + factor * (self.knee - self.hip), ..self }
+    }
+}
+
 /// A mesh laid over the rigid leg of a subject.
 #[derive(Clone, Debug)]
 pub struct Registration {
@@ -69,6 +76,16 @@ impl Registration {
     pub fn new(frames: MeshFrames, model: &Model) -> Option<Registration> {
         let extended = coupled_leg(&model.shapes, 0.0)?.map(|pose| isometry(pose.R, pose.p));
         Some(Registration { frames, extended })
+    }
+
+    /// Axes and joint centres of the mesh.
+    pub fn frames(&self) -> MeshFrames {
+        self.frames
+    }
+
+    /// Length of the thigh of the mesh \[m\].
+    pub fn thigh_length(&self) -> f64 {
+        (self.frames.hip - self.frames.knee).norm()
     }
 
     /// Poses of [`BODIES`] in the posture Q.
@@ -102,7 +119,19 @@ impl Registration {
 
     /// The posture of the mesh as natural coordinates of the leg, with the thigh axes of the mesh in ground; the foot is left at zero.
     pub fn standing(&self, model: &Model) -> Coordinates {
+        self.posture(model, 0.0, 0.0).expect("a registered leg has its knee straight")
+    }
+
+    /// The posture of the mesh with hip and knee flexed by these angles \[rad\]; `None` where the patella finds no place.
+    pub fn posture(&self, model: &Model, hip_flexion: f64, knee_flexion: f64) -> Option<Coordinates> {
         let MeshFrames { pelvis, thigh, hip, .. } = self.frames;
+        // The thigh stays: the pelvis turns the other way about its transverse axis.
+        let axis = nalgebra::Unit::new_normalize(thigh.column(2).into_owned());
+        let pelvis = Rotation3::from_axis_angle(&axis, -hip_flexion).into_inner() * pelvis;
+        let below = match knee_flexion {
+            0.0 => self.extended,
+            flexion => coupled_leg(&model.shapes, flexion)?.map(|pose| isometry(pose.R, pose.p)),
+        };
         let mut Q = Coordinates::zeros();
         let mut write = |segment: SegmentId, R: Matrix3<f64>, p: Vector3<f64>| {
             model.shapes[segment.index()].write(segment, &natural::Pose { R, p }, &mut Q);
@@ -115,12 +144,12 @@ impl Registration {
         let R = pelvis * pelvis_axes(&scs).transpose();
         write(SegmentId::Pelvis, R, hip - R * model.hip);
         let knee = natural::block(&Q, SegmentId::Thigh.block(2));
-        for (segment, pose) in [SegmentId::Shank, SegmentId::Patella].into_iter().zip(&self.extended) {
+        for (segment, pose) in [SegmentId::Shank, SegmentId::Patella].into_iter().zip(&below) {
             let R = thigh * pose.rotation.to_rotation_matrix().into_inner();
             let place = natural::Pose { R, p: knee + thigh * pose.translation.vector };
             model.shapes[segment.index()].write(segment, &place, &mut Q);
         }
-        Q
+        Some(Q)
     }
 
     /// A direction in ground as one in the mesh with the thigh at rest.

@@ -3,7 +3,10 @@
 #![allow(non_snake_case)]
 
 use fem::body::Pose;
+use multibody::kinematics::joint_angles;
 use multibody::model::Model;
+use multibody::muscle::hill::{self, tendon_force};
+use multibody::muscle::musculotendon::{GenericPosture, MusculotendonModel};
 use multibody::muscle::path::knee_angle;
 use multibody::natural::Coordinates;
 use nalgebra::Vector3;
@@ -56,6 +59,11 @@ pub struct RigidLine {
     pub path: Vec<Vector3<f64>>,
     /// Tension at full activation and optimal length \[N\].
     pub f_max: f64,
+    /// Length of muscle and tendon \[m\] on the generic leg at the joint angles of the subject.
+    pub length: f64,
+    /// Tension \[N\] of the Hill model at the activation, fibre length and velocity of the rigid leg. It differs from `force` where the
+    /// activation was clipped to 0..1: a resting muscle has its passive tension.
+    pub hill_force: f64,
 }
 
 impl RigidLine {
@@ -142,7 +150,12 @@ pub fn rigid_step(
         return Err(format!("no muscle forces at {} ({time} s): {why}", name.name()));
     }
     let (model, Q) = (&done.model, &done.motion.Q[frame]);
-    let values = |i: usize| [done.effort.forces.values[(row, i)], done.effort.activations.values[(row, i)]];
+    let (units, curves) = (&MusculotendonModel::generic().units, hill::Settings::default().curves);
+    let values = |i: usize| {
+        let a = done.effort.activations.values[(row, i)];
+        let (L, V) = (done.hill.fibre_length[(row, i)], done.hill.fibre_velocity[(row, i)]);
+        [done.effort.forces.values[(row, i)], a, tendon_force(&units[i], &curves, a, L, V)]
+    };
     let muscles = rigid_muscles(model, registration, Q, values);
     let knee_flexion = -knee_angle(&model.shapes, Q);
     Ok(RigidStep { name, time, row, knee_flexion, poses: registration.poses(model, Q), muscles })
@@ -150,23 +163,41 @@ pub fn rigid_step(
 
 /// The muscles of the thigh in the posture in which the mesh stands, at rest.
 pub fn rigid_muscles_standing(model: &Model, registration: &Registration) -> Vec<RigidMuscle> {
-    rigid_muscles(model, registration, &registration.standing(model), |_| [0.0; 2])
+    rigid_muscles_at(model, registration, &registration.standing(model))
 }
 
-/// The muscles of the thigh in a posture; `values` gives force \[N\] and activation of a line by its number.
+/// The muscles of the thigh in a posture, at rest.
+pub fn rigid_muscles_at(model: &Model, registration: &Registration, Q: &Coordinates) -> Vec<RigidMuscle> {
+    rigid_muscles(model, registration, Q, |_| [0.0; 3])
+}
+
+/// The muscles of the thigh in a posture; `values` gives force \[N\], activation and Hill force \[N\] of a line by its number.
 fn rigid_muscles(
     model: &Model,
     registration: &Registration,
     Q: &Coordinates,
-    values: impl Fn(usize) -> [f64; 2],
+    values: impl Fn(usize) -> [f64; 3],
 ) -> Vec<RigidMuscle> {
     let fe = knee_angle(&model.shapes, Q);
+    // No muscle of the thigh crosses the ankle, which is left at zero.
+    let [hip_flexion, hip_adduction, hip_rotation, knee_flexion, ..] = joint_angles(&model.shapes, Q);
+    let posture =
+        GenericPosture { hip_flexion, hip_adduction, hip_rotation, knee_flexion, ..Default::default() };
+    let lengths = MusculotendonModel::generic().lengths(&posture);
     let line = |wanted: &String| {
         let i = model.muscles.iter().position(|m| m.name == *wanted).expect("tables agree");
         let muscle = &model.muscles[i];
-        let [force, activation] = values(i);
+        let [force, activation, hill_force] = values(i);
         let path = muscle.points(fe).map(|p| registration.point(model, Q, &p.position.at(Q))).collect();
-        RigidLine { name: wanted.clone(), force, activation, path, f_max: muscle.f_max }
+        RigidLine {
+            name: wanted.clone(),
+            force,
+            activation,
+            path,
+            f_max: muscle.f_max,
+            length: lengths[i],
+            hill_force,
+        }
     };
     lines_of_muscles()
         .into_iter()

@@ -8,22 +8,24 @@ use fem::mesh::Mesh;
 use fem::plan::Plan;
 use fem::solve::Settings;
 
-use crate::calibration::calibrate;
-use crate::compare::{CompareError, Configuration, configuration, drive, wanted};
+use crate::compare::{Configuration, configuration, drive};
 use crate::error::CommandError;
+use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::registration::{MeshFrames, Registration};
 use crate::scene::{Fibres, Scene};
 use crate::steps::{RigidStep, rigid_step};
+use crate::subject::{factors, limb_map};
 use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
-use crate::thigh::{BuiltIn, built_in, from_surfaces};
+use crate::thigh::{BuiltIn, from_limb, from_surfaces, limb};
 
-/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 100 N: forces of single muscles
-/// are compared in newtons. Muscles that hang slack take many iterations, and more when they are approached in small steps.
+/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N: forces of single muscles
+/// are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
+/// iterations to find out exactly how it hangs.
 pub const SETTINGS: Settings = Settings {
     tolerance: 1e-4,
-    least_force: 100.0,
+    least_force: 1000.0,
     max_iterations: 400,
     first_step: 1.0,
     least_step: 1e-4,
@@ -58,6 +60,8 @@ pub struct Prepared {
 pub struct Study {
     /// The thigh with its fibres.
     pub thigh: Thigh,
+    /// How its fibres were calibrated.
+    pub calibration: Calibration,
     /// Without and with contact, where asked for.
     pub configurations: [Option<(Plan, Configuration)>; 2],
 }
@@ -76,7 +80,10 @@ impl Prepared {
         };
         let done = optimize(&options)?;
         let mut inputs = done.case.inputs.clone();
-        let registration = Registration::new(MeshFrames::built_in(), &done.model).ok_or_else(|| {
+        // Surfaces of one's own are taken as they are.
+        let sizes = scene.surfaces.is_none().then(|| factors(&done.model));
+        let frames = MeshFrames::built_in().sized(sizes.map_or(1.0, |s| s.thigh));
+        let registration = Registration::new(frames, &done.model).ok_or_else(|| {
             CommandError::Option("the patella of the rigid leg finds no place at full extension".into())
         })?;
         let mut steps = Vec::new();
@@ -98,7 +105,13 @@ impl Prepared {
         let effects = ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells };
         let made = match (&scene.surfaces, scene.deformable) {
             (_, false) => None,
-            (None, true) => Some(built_in(scene.resolution, &scene.muscles, effects)?),
+            (None, true) => {
+                let limb = match &sizes {
+                    Some(sizes) => limb()?.mapped(&limb_map(sizes))?,
+                    None => limb()?,
+                };
+                Some(from_limb(limb, scene.resolution, &scene.muscles, effects))
+            }
             (Some(folder), true) => {
                 let bones = folder.join("..").join("bones");
                 let (made, files) = from_surfaces(folder, &bones, scene.resolution, &scene.muscles, effects)?;
@@ -120,7 +133,7 @@ impl Prepared {
 
     /// Height of the section through the middle of the thigh \[m\].
     pub fn mid_thigh(&self) -> f64 {
-        let frames = MeshFrames::built_in();
+        let frames = self.registration.frames();
         0.5 * (frames.hip.y + frames.knee.y)
     }
 
@@ -142,32 +155,28 @@ impl Prepared {
         lap: &mut dyn FnMut(&str),
     ) -> Result<Study, CommandError> {
         let thigh = self.thigh.clone();
-        let mut study = Study { thigh, configurations: [None, None] };
+        let mut study = Study { thigh, calibration: Calibration::None, configurations: [None, None] };
         if self.made.is_none() {
             return Ok(study);
         }
-        let thigh = &study.thigh;
-        let alone = self.plan(thigh, 0)?;
-        let mut steps = self.steps.clone();
-        let curves = if self.scene.fibres == Fibres::None {
-            for line in steps.iter_mut().flat_map(|s| &mut s.muscles).flat_map(|m| &mut m.lines) {
-                line.force = 0.0;
-            }
-            vec![Default::default(); thigh.muscles.len()]
-        } else {
-            let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
-            let curves = calibrate(thigh, &alone, &forces, &SETTINGS).map_err(CompareError::from)?;
+        let DrivenFibres { thigh, calibration, controls } = driven_fibres(
+            &self.thigh,
+            &self.done.model,
+            &self.registration,
+            &self.steps,
+            self.scene.stress_free,
+            self.scene.fibres,
+            &SETTINGS,
+        )?;
+        (study.thigh, study.calibration) = (thigh, calibration);
+        if self.scene.fibres != Fibres::None {
             lap(STAGES[2]);
-            curves
-        };
-        let mut alone = Some(alone);
+        }
+        let (thigh, steps) = (&study.thigh, &self.steps);
         for c in (0..2).filter(|c| asked[*c]) {
-            let plan = match alone.take_if(|_| c == 0) {
-                Some(plan) => plan,
-                None => self.plan(thigh, c)?,
-            };
-            let way = drive(&plan, thigh, &curves, &steps, self.scene.stress_free)?;
-            let done = configuration(&plan, thigh, &way, &steps, &SETTINGS, &folder.join(FOLDERS[c]))?;
+            let plan = self.plan(thigh, c)?;
+            let way = drive(&plan, thigh, &controls, steps, self.scene.stress_free)?;
+            let done = configuration(&plan, thigh, &way, steps, &SETTINGS, &folder.join(FOLDERS[c]))?;
             lap(STAGES[3 + c]);
             study.configurations[c] = Some((plan, done));
         }
@@ -183,6 +192,9 @@ fn names_only() -> Thigh {
         s: Vec::new(),
         areas: Vec::new(),
         fibre_area: 0.0,
+        fibre_length: 0.0,
+        first_node: 0,
+        nodes_per_layer: 0,
         tied: Default::default(),
     };
     Thigh {

@@ -61,6 +61,12 @@ pub struct ThighMuscle {
     pub areas: Vec<f64>,
     /// Section of all fibres \[m²\].
     pub fibre_area: f64,
+    /// Mean length of the fibres in the mesh, weighted with their sections \[m\].
+    pub fibre_length: f64,
+    /// First of its nodes in the mesh; they follow layer by layer.
+    pub first_node: u32,
+    /// Nodes of one layer.
+    pub nodes_per_layer: u32,
     /// Nodes of the mesh on its surface that are tied to each segment.
     pub tied: BTreeMap<String, Vec<u32>>,
 }
@@ -70,6 +76,12 @@ impl ThighMuscle {
     pub fn tangent(&self, layer: usize) -> Vector3<f64> {
         let (a, b) = (layer.saturating_sub(1), (layer + 1).min(self.line.len() - 1));
         (self.line[b] - self.line[a]).normalize()
+    }
+
+    /// Nodes of a layer.
+    pub fn layer_nodes(&self, layer: usize) -> std::ops::Range<u32> {
+        let first = self.first_node + layer as u32 * self.nodes_per_layer;
+        first..first + self.nodes_per_layer
     }
 
     /// Layer nearest to a fraction of the line.
@@ -102,6 +114,26 @@ pub fn segment_of(bone: &str) -> Option<&'static str> {
 }
 
 impl Thigh {
+    /// Gives the fibres of a muscle (by its number) another law.
+    pub fn set_fibre_law(&mut self, muscle: usize, law: FibreLawSpec) {
+        let name = &self.muscles[muscle].name;
+        let spec = self.scene.fibres.iter_mut().find(|f| f.activation.as_ref() == Some(name));
+        spec.expect("a thigh with fibres").law = law;
+    }
+
+    /// Length of the fibres of a muscle (by its number) over that in the mesh, mean weighted with their sections, where the nodes are at `x`
+    /// \[m\].
+    pub fn fibre_stretch(&self, muscle: usize, x: &[f64]) -> f64 {
+        let name = format!("{}/fibres", self.muscles[muscle].name);
+        let spec = self.scene.fibres.iter().find(|f| f.name == name).expect("a thigh with fibres");
+        let block =
+            self.mesh.blocks.iter().find(|b| b.name == name).expect("fibres of the scene are in the mesh");
+        let at = |n: u32| Vector3::from_column_slice(&x[3 * n as usize..3 * n as usize + 3]);
+        let lines = block.nodes.as_chunks::<2>().0.iter().zip(&spec.area);
+        let volume: f64 = lines.map(|(&[a, b], area)| area * (at(b) - at(a)).norm()).sum();
+        volume / (self.muscles[muscle].fibre_area * self.muscles[muscle].fibre_length)
+    }
+
     /// Adds rigid bones and guarded contact of all muscles and bones. A bone that belongs to no segment is left out.
     ///
     /// A muscle takes no notice of a bone that one of its end faces or tendons reaches: it is drawn into the bone there, by up to
@@ -175,6 +207,9 @@ pub fn build(
             s: block.s.clone(),
             areas: (0..block.n_layers()).map(|l| block.area(l)).collect(),
             fibre_area: 0.0,
+            fibre_length: 0.0,
+            first_node: first,
+            nodes_per_layer: block.nodes_per_section as u32,
             tied: BTreeMap::new(),
         };
         scene.solids.push(SolidSpec {
@@ -186,7 +221,7 @@ pub fn build(
         });
         if effects.fibres {
             muscle.fibre_area = sections(&block.name).unwrap_or_else(|| mean_section(block));
-            add_fibres(block, muscle.fibre_area, first, &mut mesh, &mut scene);
+            muscle.fibre_length = add_fibres(block, muscle.fibre_area, first, &mut mesh, &mut scene);
         }
         if effects.shells {
             let region = format!("{}/shell", block.name);
@@ -205,9 +240,17 @@ pub fn build(
     Thigh { mesh, scene, muscles }
 }
 
-fn add_fibres(block: &MuscleBlock, section: f64, first: u32, mesh: &mut Mesh, scene: &mut Scene) {
+/// Adds the fibres of a muscle; returns their mean length \[m\].
+fn add_fibres(block: &MuscleBlock, section: f64, first: u32, mesh: &mut Mesh, scene: &mut Scene) -> f64 {
     let fibres = fibres(block, section);
     let name = format!("{}/fibres", block.name);
+    let place = |n: u32| Vector3::from(block.points[n as usize]);
+    let volume: f64 = fibres
+        .segments
+        .iter()
+        .zip(&fibres.area)
+        .map(|(&[a, b], area)| area * (place(b) - place(a)).norm())
+        .sum();
     let nodes = fibres.segments.iter().flatten().map(|n| n + first).collect();
     mesh.blocks.push(CellBlock { name: name.clone(), kind: CellKind::Line2, nodes });
     scene.fibres.push(FibreSpec {
@@ -222,6 +265,7 @@ fn add_fibres(block: &MuscleBlock, section: f64, first: u32, mesh: &mut Mesh, sc
         area: fibres.area,
         activation: Some(block.name.clone()),
     });
+    volume / section
 }
 
 /// Ties what grows from bone and hangs tendons on the rest.

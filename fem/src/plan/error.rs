@@ -44,7 +44,9 @@ pub enum SceneError {
         nearest: String,
     },
     /// A law that needs fibres along mesh edges.
-    #[error("{user}: its law needs the length of whole fibres; let them follow a region of lines, or choose another law")]
+    #[error(
+        "{user}: its law needs the length of whole fibres; let them follow a region of lines, or choose another law"
+    )]
     NotEmbedded {
         /// Which part of the scene.
         user: String,

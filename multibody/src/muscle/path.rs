@@ -13,7 +13,7 @@ use crate::natural::{Coordinates, End, Pose, SegmentId, Shape, VectorForm};
 use crate::tables::{number, rows};
 
 /// Generic thigh length of the muscle geometry \[m\].
-const GENERIC_THIGH: f64 = 0.3960;
+pub const GENERIC_THIGH: f64 = 0.3960;
 /// Generic hip centre in the pelvis frame of Delp 1990 \[m\]: homothety centre of the pelvis points.
 const GENERIC_HIP: Vector3<f64> = Vector3::new(-0.0707, -0.0661, 0.0835);
 
