@@ -8,7 +8,7 @@ use fem::body::Pose;
 use fem::effect::Part;
 use fem::geometry::{SearchSurface, Surface};
 use fem::measure::collision_surfaces;
-use fem::output::run_to_files;
+use fem::output::{Restart, run_restartable};
 use fem::plan::{Plan, SceneError};
 use fem::run::{Drive, DriveFrame, Frame, Run};
 use fem::solve::Settings;
@@ -133,7 +133,8 @@ pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
     thigh.muscles.iter().map(|m| force(&m.name)).collect()
 }
 
-/// Carries one configuration through the steps; its frames are written to `folder` as they come.
+/// Carries one configuration through the steps; its frames are written to `folder` as they come, and `on_frame` is called after each.
+/// `restart`: under which key states are kept, and whether those of a killed run are taken over.
 pub fn configuration(
     plan: &Plan,
     thigh: &Thigh,
@@ -141,9 +142,11 @@ pub fn configuration(
     steps: &[RigidStep],
     settings: &Settings,
     folder: &Path,
+    restart: Restart,
+    on_frame: &mut dyn FnMut(&Frame),
 ) -> Result<Configuration, CompareError> {
     let clock = Instant::now();
-    let run = run_to_files(plan, drive, settings, None, folder, "thigh", &mut |_| ())?;
+    let run = run_restartable(plan, drive, settings, folder, "thigh", restart, on_frame)?;
     let time = clock.elapsed();
     let passive = drive.frames.len() - steps.len();
     let at_steps = || run.frames.iter().skip(passive);

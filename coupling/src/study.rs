@@ -5,8 +5,11 @@
 use std::path::{Path, PathBuf};
 
 use fem::mesh::Mesh;
+use fem::output::Restart;
 use fem::plan::Plan;
+use fem::run::Drive;
 use fem::solve::Settings;
+use sha2::{Digest, Sha256};
 
 use crate::compare::{Configuration, configuration, drive};
 use crate::error::CommandError;
@@ -139,19 +142,27 @@ impl Prepared {
 
     /// Compiles the thigh with (1) or without contact (0).
     pub fn plan(&self, thigh: &Thigh, configuration: usize) -> Result<Plan, CommandError> {
+        let Thigh { scene, mesh, .. } = self.configured(thigh, configuration);
+        Plan::new(&scene, mesh).map_err(|e| CommandError::Option(e.to_string()))
+    }
+
+    /// The thigh with (1) or without contact (0).
+    fn configured(&self, thigh: &Thigh, configuration: usize) -> Thigh {
         let mut thigh = thigh.clone();
         if let (1, Some(made), Some(mode)) = (configuration, &self.made, self.scene.contact) {
             thigh.add_contact(&made.bones, &made.attachments);
             thigh.scene.contact.as_mut().expect("just added").mode = mode;
         }
-        Plan::new(&thigh.scene, thigh.mesh).map_err(|e| CommandError::Option(e.to_string()))
+        thigh
     }
 
-    /// Calibrates the fibres and solves the steps without and with contact, as `wanted` says; frames go to the [`FOLDERS`] in `folder`.
+    /// Calibrates the fibres and solves the steps without and with contact, as `asked` says; frames go to the [`FOLDERS`] in `folder`.
+    /// `resume`: solved frames of a killed run of the same scene are taken over. `lap` is called as each stage ends.
     pub fn solve(
         &self,
         asked: [bool; 2],
         folder: &Path,
+        resume: bool,
         lap: &mut dyn FnMut(&str),
     ) -> Result<Study, CommandError> {
         let thigh = self.thigh.clone();
@@ -176,12 +187,32 @@ impl Prepared {
         for c in (0..2).filter(|c| asked[*c]) {
             let plan = self.plan(thigh, c)?;
             let way = drive(&plan, thigh, &controls, steps, self.scene.stress_free)?;
-            let done = configuration(&plan, thigh, &way, steps, &SETTINGS, &folder.join(FOLDERS[c]))?;
+            let key = run_key(&self.configured(thigh, c).scene, &plan, &way);
+            let restart = Restart { key: &key, resume };
+            let folder = folder.join(FOLDERS[c]);
+            let done = configuration(&plan, thigh, &way, steps, &SETTINGS, &folder, restart, &mut |_| ())?;
             lap(STAGES[3 + c]);
             study.configurations[c] = Some((plan, done));
         }
         Ok(study)
     }
+}
+
+/// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.
+fn run_key(scene: &fem::scene::Scene, plan: &Plan, drive: &Drive) -> String {
+    let mut digest = Sha256::new();
+    for x in plan.mesh.points.as_flattened() {
+        digest.update(x.to_bits().to_le_bytes());
+    }
+    for node in plan.mesh.blocks.iter().flat_map(|b| &b.nodes) {
+        digest.update(node.to_le_bytes());
+    }
+    // Numbers are printed so that they read back the same.
+    digest.update(format!("{scene:?}{drive:?}{SETTINGS:?}"));
+    if let Ok(program) = std::env::current_exe().and_then(std::fs::read) {
+        digest.update(program);
+    }
+    digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The muscles of the rigid leg that the thigh would have, without mesh.

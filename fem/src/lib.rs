@@ -17,6 +17,7 @@ pub mod measure;
 pub mod mesh;
 pub mod output;
 pub mod plan;
+pub mod restart;
 pub mod run;
 pub mod scene;
 pub mod solve;

@@ -5,6 +5,7 @@
 //! | `NAME_0000.vtu` … | a solved frame | as it is solved |
 //! | `NAME.pvd` | the frames so far, for ParaView | after every frame |
 //! | `iterations.csv` | a row per Newton iteration | at the end (`iterations.csv.part` before) |
+//! | `NAME_0000.state` … | what [`run_restartable`] goes on from | after every frame, removed by the caller |
 //! | `NAME_unsolved.vtu` | the last good state before a frame that has no equilibrium | when that happens |
 //! | `NAME.json` | how the run ended: island, element or node and reason of a failure | last |
 //!
@@ -16,7 +17,7 @@ use crate::measure::{fibre_states, solid_field};
 use crate::mesh::format::{pvd::PvdWriter, vtu, write_whole};
 use crate::mesh::{CellKind, MeshError};
 use crate::plan::Plan;
-use crate::run::{Drive, Frame, Run, Step, run_steps};
+use crate::run::{Advanced, Drive, Frame, Run, Session, Step, run_steps};
 use crate::solve::{IterationLog, Settings, SolveError};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -71,6 +72,62 @@ pub fn run_to_files(
     Ok(run)
 }
 
+/// How a run can be gone on with when it is killed.
+#[derive(Clone, Copy, Debug)]
+pub struct Restart<'a> {
+    /// Says everything that the run depends on: states with another key are not taken over.
+    pub key: &'a str,
+    /// Whether to take over the states in the folder; else they are removed.
+    pub resume: bool,
+}
+
+/// [`run_to_files`] that stores the state after every frame and takes over those of a killed run, if asked to. The result is the same to
+/// the last bit, as every frame has new solvers. The states stay when the run is over ([`crate::restart::remove_states`]).
+pub fn run_restartable(
+    plan: &Plan,
+    drive: &Drive,
+    settings: &Settings,
+    folder: &Path,
+    name: &str,
+    restart: Restart,
+    on_frame: &mut dyn FnMut(&Frame),
+) -> Result<Run, OutputError> {
+    let mut files = RunFiles::create(folder, name)?;
+    if !restart.resume {
+        crate::restart::remove_states(folder, name).map_err(|source| at(folder, source))?;
+    }
+    let mut run = Run::default();
+    let mut resuming = restart.resume;
+    for (k, to) in drive.frames.iter().enumerate() {
+        let n = 3 * plan.mesh.points.len();
+        let stored = resuming.then(|| crate::restart::load(folder, name, restart.key, k, n, to)).flatten();
+        resuming = stored.is_some();
+        run.taken_over += usize::from(resuming);
+        let done = stored.unwrap_or_else(|| {
+            let mut session = match run.frames.last() {
+                None => Session::new(plan, settings, None),
+                Some(frame) => Session::from_frame(plan, settings, frame, k - 1),
+            };
+            session.advance(to)
+        });
+        files.write(plan, &Step { frame: &done.frame, iterations: &done.iterations, errors: &done.errors })?;
+        if done.errors.is_empty() && !resuming {
+            crate::restart::save(folder, name, restart.key, k, &done)?;
+        }
+        let Advanced { frame, errors, iterations } = done;
+        run.iterations.extend(iterations);
+        if !errors.is_empty() {
+            run.errors = errors;
+            run.unsolved = Some(frame);
+            break;
+        }
+        on_frame(&frame);
+        run.frames.push(frame);
+    }
+    files.finish(plan, drive, &run)?;
+    Ok(run)
+}
+
 /// The files of a run that is going on.
 struct RunFiles {
     series: PvdWriter,
@@ -87,18 +144,7 @@ impl RunFiles {
         let summary = folder.join(format!("{name}.json"));
         remove(&summary)?;
         let series = PvdWriter::create(folder, name)?;
-        let old = |entry: &str| {
-            let rest = entry.strip_prefix(name).and_then(|rest| rest.strip_prefix('_'));
-            let stem = rest.and_then(|r| r.strip_suffix(".part").unwrap_or(r).strip_suffix(".vtu"));
-            stem.is_some_and(|s| s == "unsolved" || (s.len() >= 4 && s.bytes().all(|b| b.is_ascii_digit())))
-        };
-        let entries = std::fs::read_dir(folder).map_err(|source| at(folder, source))?;
-        for entry in entries {
-            let entry = entry.map_err(|source| at(folder, source))?;
-            if entry.file_name().to_str().is_some_and(old) {
-                remove(&entry.path())?;
-            }
-        }
+        remove_frames(folder, name)?;
         let log_file = folder.join("iterations.csv");
         let log = IterationLog::create(folder).map_err(|source| at(&log_file, source))?;
         Ok(RunFiles { series, log, log_file, unsolved: folder.join(format!("{name}_unsolved.vtu")), summary })
@@ -133,6 +179,38 @@ impl RunFiles {
         let text = format!("{summary:#}\n");
         Ok(write_whole(&self.summary, text.as_bytes())?)
     }
+}
+
+/// Removes the frames of an earlier run.
+fn remove_frames(folder: &Path, name: &str) -> Result<(), OutputError> {
+    let old = |entry: &str| {
+        let rest = entry.strip_prefix(name).and_then(|rest| rest.strip_prefix('_'));
+        let stem = rest.and_then(|r| r.strip_suffix(".part").unwrap_or(r).strip_suffix(".vtu"));
+        stem.is_some_and(|s| s == "unsolved" || (s.len() >= 4 && s.bytes().all(|b| b.is_ascii_digit())))
+    };
+    let entries = std::fs::read_dir(folder).map_err(|source| at(folder, source))?;
+    for entry in entries {
+        let entry = entry.map_err(|source| at(folder, source))?;
+        if entry.file_name().to_str().is_some_and(old) {
+            remove(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes all that a run of this name left in a folder, and the folder where nothing else is in it.
+pub fn remove_run(folder: &Path, name: &str) -> Result<(), OutputError> {
+    if !folder.exists() {
+        return Ok(());
+    }
+    // First what says that the run is complete.
+    for file in [format!("{name}.json"), format!("{name}.pvd"), "iterations.csv".into(), "iterations.csv.part".into()] {
+        remove(&folder.join(file))?;
+    }
+    remove_frames(folder, name)?;
+    crate::restart::remove_states(folder, name).map_err(|source| at(folder, source))?;
+    let _ = std::fs::remove_dir(folder); // not empty: something of the user's is there
+    Ok(())
 }
 
 /// Island, place and reason of a failure.

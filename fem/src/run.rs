@@ -60,6 +60,8 @@ pub struct Run {
     pub errors: Vec<SolveError>,
     /// A row per Newton iteration.
     pub iterations: Vec<Iteration>,
+    /// Frames that were not computed but taken over from an earlier run ([`crate::restart`]).
+    pub taken_over: usize,
 }
 
 impl Run {
@@ -115,6 +117,11 @@ impl<'a> Session<'a> {
             solvers: plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect(),
             step: 0,
         }
+    }
+
+    /// Starts at a solved frame, the `step`-th of its run, with new solvers: what they do does not depend on how the frame was reached.
+    pub fn from_frame(plan: &'a Plan, settings: &Settings, frame: &Frame, step: usize) -> Session<'a> {
+        Session { from: frame.load.clone(), step: step + 1, ..Session::new(plan, settings, Some(&frame.x)) }
     }
 
     /// Goes from where it is to the equilibrium under `to.load`. Where that fails the session stays at the last good state of each

@@ -1,20 +1,15 @@
 //! Does the page of `compare` show what was computed: table, fields of the viewer, and does it turn and step in a browser?
 
+use std::path::Path;
 use std::sync::OnceLock;
 
 use base64::Engine;
-use coupling::calibration::calibrate;
-use coupling::compare::{Configuration, StressFree, configuration, drive, wanted};
-use coupling::optimize::{OptimizeOptions, optimize};
-use coupling::registration::{MeshFrames, Registration};
 use coupling::report::compare::{CompareReport, Computed, compare_page};
-use coupling::steps::{RigidStep, StepName, rigid_step};
-use coupling::thigh::build::ThighEffects;
-use coupling::thigh::{BuiltIn, built_in};
+use coupling::scene::Scene;
+use coupling::steps::StepName;
+use coupling::study::{Prepared, Study};
 use fem::geometry::Surface;
 use fem::output::fields;
-use fem::plan::Plan;
-use fem::solve::Settings;
 use nalgebra::Vector3;
 use serde_json::Value;
 
@@ -23,48 +18,34 @@ use super::in_browser;
 
 /// Two glutei at a coarse resolution, stress-free at heel strike, in both configurations.
 struct Small {
-    made: BuiltIn,
-    steps: Vec<RigidStep>,
-    computed: [(Plan, Configuration); 2],
+    prepared: Prepared,
+    study: Study,
 }
 
 fn small() -> &'static Small {
     static SMALL: OnceLock<Small> = OnceLock::new();
     SMALL.get_or_init(|| {
-        let only = ["gluteus_minimus", "gluteus_medius"].map(String::from);
-        let made = built_in(0.018, &only, ThighEffects { fibres: true, shells: true }).unwrap();
-        let done = optimize(&OptimizeOptions::default()).unwrap();
-        let registration = Registration::new(MeshFrames::built_in(), &done.model).unwrap();
-        let steps: Vec<RigidStep> =
-            StepName::ALL.iter().map(|name| rigid_step(&done, &registration, *name).unwrap()).collect();
-        let settings =
-            Settings { tolerance: 1e-4, least_force: 100.0, max_iterations: 400, ..Settings::default() };
-        let thigh = &made.thigh;
-        let alone = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap();
-        let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
-        let curves = calibrate(thigh, &alone, &forces, &settings).unwrap();
-        let mut with = thigh.clone();
-        with.add_contact(&made.bones, &made.attachments);
-        let touching = Plan::new(&with.scene, with.mesh).unwrap();
+        let text = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 18.0\nstress_free = \"heel_strike\"\n";
+        let scene = Scene::parse(Path::new("glutei.toml"), text, None).unwrap();
+        let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let computed = [alone, touching].map(|plan| {
-            let way = drive(&plan, thigh, &curves, &steps, StressFree::HeelStrike).unwrap();
-            let done = configuration(&plan, thigh, &way, &steps, &settings, folder.path()).unwrap();
-            (plan, done)
-        });
-        Small { made, steps, computed }
+        let study = prepared.solve([true, true], folder.path(), false, &mut |_| ()).unwrap();
+        Small { prepared, study }
     })
 }
 
 fn report(small: &Small) -> CompareReport<'_> {
-    let [alone, touching] = &small.computed;
+    let computed = |c: usize| {
+        let (plan, result) = small.study.configurations[c].as_ref().unwrap();
+        Some(Computed { plan, result })
+    };
     CompareReport {
         name: "two <glutei>",
-        thigh: &small.made.thigh,
-        bones: &small.made.bones,
+        thigh: &small.study.thigh,
+        bones: &small.prepared.made.as_ref().unwrap().bones,
         mid_thigh: 0.07, // where the glutei are
-        steps: &small.steps,
-        configurations: [alone, touching].map(|(plan, result)| Some(Computed { plan, result })),
+        steps: &small.prepared.steps,
+        configurations: [computed(0), computed(1)],
         settings: &[],
         simulated: &[],
         left_out: &[],
@@ -131,10 +112,11 @@ fn the_viewer_holds_places_and_nodal_values_to_half_a_step_of_its_scale() {
     let head: Value = serde_json::from_str(data(&page, "head")).unwrap();
     let n = head["vertices"].as_u64().unwrap() as usize;
     let pair = |v: &Value| [v[0].as_f64().unwrap(), v[1].as_f64().unwrap()];
-    let mesh = &small.made.thigh.mesh;
+    let thigh = &small.study.thigh;
+    let mesh = &thigh.mesh;
     let mut index = 0;
     let mut seen = [0; 5];
-    for (plan, result) in &small.computed {
+    for (plan, result) in small.study.configurations.iter().flatten() {
         index += 1; // the mesh at rest has no values
         for frame in &result.run.frames {
             let packed = numbers(&page, &index.to_string());
@@ -159,9 +141,7 @@ fn the_viewer_holds_places_and_nodal_values_to_half_a_step_of_its_scale() {
                 }
                 found.iter().sum::<f64>() / found.len() as f64
             };
-            let skins: Vec<Surface> = small
-                .made
-                .thigh
+            let skins: Vec<Surface> = thigh
                 .muscles
                 .iter()
                 .map(|m| {
@@ -172,7 +152,7 @@ fn the_viewer_holds_places_and_nodal_values_to_half_a_step_of_its_scale() {
                     .0
                 })
                 .collect();
-            for (m, muscle) in small.made.thigh.muscles.iter().enumerate() {
+            for (m, muscle) in thigh.muscles.iter().enumerate() {
                 let surface = format!("{}/surface", muscle.name);
                 let nodes = fem::mesh::unique_nodes(mesh.surfaces[&surface].iter().flatten().copied());
                 let tractions = fem::measure::contact_tractions(plan, frame.snapshot(), &surface);

@@ -4,17 +4,18 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use fem::output::remove_run;
 
 use super::Outcome;
 use super::progress::Progress;
-use crate::compare::StressFree;
+use crate::compare::{CompareError, StressFree};
 use crate::error::CommandError;
 use crate::output::atomic::OutputFolder;
 use crate::output::compare::write_compare;
 use crate::output::run::{InputFile, RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
-use crate::study::Prepared;
+use crate::study::{FOLDERS, Prepared};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -38,6 +39,9 @@ pub struct CompareArguments {
     /// Folder for the results [default: out/compare-<scene>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Go on with a run of the same scene that was killed: its solved frames are taken over, the results are the same to the last bit.
+    #[arg(long)]
+    resume: bool,
     /// Print the verdict as JSON.
     #[arg(long)]
     json: bool,
@@ -113,7 +117,17 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
     let (scene, asked) = arguments.scene()?;
     let folder = arguments.out.clone();
     let folder = folder.unwrap_or_else(|| Path::new("out").join(format!("compare-{}", scene.name)));
-    carry_out("compare", scene, asked, arguments.data.as_deref(), &folder, arguments.json)
+    let ways = Ways { resume: arguments.resume, json: arguments.json };
+    carry_out("compare", scene, asked, arguments.data.as_deref(), &folder, ways)
+}
+
+/// How a scene is carried out.
+#[derive(Clone, Copy)]
+pub(super) struct Ways {
+    /// Solved frames of a killed run are taken over.
+    pub resume: bool,
+    /// The verdict is printed as JSON.
+    pub json: bool,
 }
 
 /// Carries out a scene for `command` and says what came of it.
@@ -123,7 +137,7 @@ pub(super) fn carry_out(
     asked: [bool; 2],
     data: Option<&Path>,
     folder: &Path,
-    json: bool,
+    Ways { resume, json }: Ways,
 ) -> Result<Outcome, CommandError> {
     let mut record = RunRecord::new(command);
     let mut progress = Progress::new(&scene, asked);
@@ -132,8 +146,18 @@ pub(super) fn carry_out(
         record.inputs.push(InputFile::of(file)?);
     }
     let out = OutputFolder::open(folder)?;
-    let study = prepared.solve(asked, folder, &mut |stage| progress.lap(stage))?;
+    if !resume {
+        for run in FOLDERS {
+            remove_run(&folder.join(run), "thigh").map_err(CompareError::from)?;
+        }
+    }
+    let study = prepared.solve(asked, folder, resume, &mut |stage| progress.lap(stage))?;
     record.seconds = progress.finish();
+    let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
+    let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
+    record.iterations.insert("newton".into(), count(&|run| run.iterations.len()));
+    record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
+    record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
 
     let settings = prepared.scene.settings();
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);

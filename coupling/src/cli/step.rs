@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::Outcome;
-use super::compare::carry_out;
+use super::compare::{Ways, carry_out};
 use crate::error::CommandError;
 use crate::scene::Scene;
 
@@ -19,6 +19,9 @@ pub struct StepArguments {
     /// Folder for the results [default: out/step-<scene>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Go on with a run of the same scene that was killed.
+    #[arg(long)]
+    resume: bool,
     /// Print the verdict as JSON.
     #[arg(long)]
     json: bool,
@@ -30,5 +33,6 @@ pub fn run(arguments: &StepArguments) -> Result<Outcome, CommandError> {
     let with = scene.contact.is_some();
     let folder = arguments.out.clone();
     let folder = folder.unwrap_or_else(|| Path::new("out").join(format!("step-{}", scene.name)));
-    carry_out("step", scene, [!with, with], arguments.data.as_deref(), &folder, arguments.json)
+    let ways = Ways { resume: arguments.resume, json: arguments.json };
+    carry_out("step", scene, [!with, with], arguments.data.as_deref(), &folder, ways)
 }

@@ -1,12 +1,16 @@
 //! What `compare` writes beside the frames of its configurations: the table, forces for OpenSim users, the page.
 
 use std::io::{self, Write};
+use std::path::Path;
+
+use fem::restart::remove_states;
 
 use super::atomic::OutputFolder;
 use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
 use crate::report::compare::{CompareReport, compare_page};
+use crate::study::FOLDERS;
 
 /// Writes tables, page and, last of all, `run.json` into `out`.
 pub fn write_compare(
@@ -33,9 +37,23 @@ pub fn write_compare(
     record.verdict = serde_json::to_value(report.differences()).ok();
     record.threads = rayon::current_num_threads();
     record.files = out.files().to_vec();
+    for folder in FOLDERS {
+        // What a killed run would have gone on from.
+        let path = out.path().join(folder);
+        remove_states(&path, "thigh").map_err(|e| OutputError::at("remove the states in", &path, e))?;
+        record.files.extend(names_in(&path).into_iter().map(|name| format!("{folder}/{name}")));
+    }
     record.peak_memory_mib = run::peak_memory_mib();
     out.finish(&record)?;
     Ok(record)
+}
+
+/// Names of the files of a folder, sorted; none where it is absent.
+fn names_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
 }
 
 /// A force per muscle at the time of each step.
