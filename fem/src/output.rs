@@ -13,13 +13,14 @@
 
 #![allow(non_snake_case)]
 
-use crate::measure::{fibre_states, solid_field};
+use crate::measure::{contact_tractions, fibre_states, solid_field};
 use crate::mesh::format::{pvd::PvdWriter, vtu, write_whole};
 use crate::mesh::{CellKind, MeshError};
 use crate::plan::Plan;
 use crate::run::{Advanced, Drive, Frame, Run, Session, Step, run_steps};
 use crate::solve::{IterationLog, Settings, SolveError};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -110,7 +111,8 @@ pub fn run_restartable(
             };
             session.advance(to)
         });
-        files.write(plan, &Step { frame: &done.frame, iterations: &done.iterations, errors: &done.errors })?;
+        files
+            .write(plan, &Step { frame: &done.frame, iterations: &done.iterations, errors: &done.errors })?;
         if done.errors.is_empty() && !resuming {
             crate::restart::save(folder, name, restart.key, k, &done)?;
         }
@@ -204,7 +206,9 @@ pub fn remove_run(folder: &Path, name: &str) -> Result<(), OutputError> {
         return Ok(());
     }
     // First what says that the run is complete.
-    for file in [format!("{name}.json"), format!("{name}.pvd"), "iterations.csv".into(), "iterations.csv.part".into()] {
+    for file in
+        [format!("{name}.json"), format!("{name}.pvd"), "iterations.csv".into(), "iterations.csv.part".into()]
+    {
         remove(&folder.join(file))?;
     }
     remove_frames(folder, name)?;
@@ -233,9 +237,9 @@ fn failure(error: &SolveError) -> Value {
     }
 }
 
-/// What a frame shows: at the nodes `displacement_m`; in solid cells `von_mises_Pa`, `pressure_Pa` and `volume_ratio`; in lines
+/// What a frame shows: at the nodes `displacement_m`, and `contact_pressure_Pa` (force per reference area) on surfaces in contact; in solid cells `von_mises_Pa`, `pressure_Pa` and `volume_ratio`; in lines
 /// that carry fibres or strands under the name of their block `stretch` and `force_N`; not a number elsewhere.
-pub fn fields(plan: &Plan, frame: &Frame) -> ([vtu::Field<'static>; 1], Vec<vtu::Field<'static>>) {
+pub fn fields(plan: &Plan, frame: &Frame) -> (Vec<vtu::Field<'static>>, Vec<vtu::Field<'static>>) {
     let displacement: Vec<f64> = frame.x.iter().zip(plan.reference()).map(|(x, X)| x - X).collect();
     let n = plan.mesh.n_cells();
     let mut columns = ["von_mises_Pa", "pressure_Pa", "volume_ratio", "stretch", "force_N"]
@@ -265,8 +269,22 @@ pub fn fields(plan: &Plan, frame: &Frame) -> ([vtu::Field<'static>; 1], Vec<vtu:
         components,
         values: values.into(),
     };
+    let mut points = vec![field(("displacement_m", displacement), 3)];
+    let surfaces: BTreeSet<&str> = plan
+        .islands
+        .iter()
+        .filter_map(|island| island.contact.as_ref())
+        .flat_map(|contact| contact.surfaces.list.iter().map(|s| s.name.as_str()))
+        .collect();
+    if !surfaces.is_empty() {
+        let mut pressure = vec![f64::NAN; plan.mesh.points.len()];
+        for (node, t) in surfaces.iter().flat_map(|s| contact_tractions(plan, frame.snapshot(), s)) {
+            pressure[node as usize] = t.iter().map(|c| c * c).sum::<f64>().sqrt();
+        }
+        points.push(field(("contact_pressure_Pa", pressure), 1));
+    }
     let filled = columns.into_iter().filter(|(_, values)| values.iter().any(|v| !v.is_nan()));
-    ([field(("displacement_m", displacement), 3)], filled.map(|column| field(column, 1)).collect())
+    (points, filled.map(|column| field(column, 1)).collect())
 }
 
 fn at(file: &Path, source: std::io::Error) -> OutputError {

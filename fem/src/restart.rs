@@ -93,9 +93,11 @@ pub(crate) fn load(
 }
 
 fn pack_advance(a: &Advance) -> ([u64; 12], Vec<u64>, Vec<u64>) {
-    let counts = [a.load_steps, a.retries, a.iterations, a.linear_iterations, a.factorizations].map(|n| n as u64);
+    let counts =
+        [a.load_steps, a.retries, a.iterations, a.linear_iterations, a.factorizations].map(|n| n as u64);
     let [c0, c1, c2, c3, c4] = counts;
-    let values = [a.residual, a.force_scale, a.energy, a.least_det_f, a.assembly_s, a.factorization_s, a.linear_s];
+    let values =
+        [a.residual, a.force_scale, a.energy, a.least_det_f, a.assembly_s, a.factorization_s, a.linear_s];
     let [v0, v1, v2, v3, v4, v5, v6] = values.map(f64::to_bits);
     let bits = |list: &[f64]| list.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
     let mut indefinite = bits(&a.indefinite_at);

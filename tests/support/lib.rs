@@ -76,10 +76,15 @@ impl Random {
     }
 }
 
-/// The program itself, built once by the cargo that runs these tests.
+/// The program itself, run to its end.
 pub fn sartorius(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(program()).args(arguments).current_dir(folder).output().expect("the program starts")
+}
+
+/// The program, built once by the cargo that runs these tests.
+pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    let program = PROGRAM.get_or_init(|| {
+    PROGRAM.get_or_init(|| {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
         let status = Command::new(cargo)
@@ -91,6 +96,5 @@ pub fn sartorius(arguments: &[&str], folder: &Path) -> Output {
         // target/<profile>/deps/this-test
         let target = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_path_buf();
         target.join("release/sartorius")
-    });
-    Command::new(program).args(arguments).current_dir(folder).output().expect("the program starts")
+    })
 }
