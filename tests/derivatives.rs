@@ -5,9 +5,11 @@
 
 #![allow(non_snake_case)]
 
+use fem::effect::chain::{Chain, Chains};
 use fem::effect::{DeadLoad, Effect, Lines, Membrane, NO_NODE, Pressure, Solid, State};
 use fem::effect::{line::Segment, solid::Uniform};
 use fem::element::{Formulation, shape};
+use fem::material::force_length::ForceLength;
 use fem::material::line::{FibreStrain, HillFibre, LineLaw, Strand, ThermalFibre};
 use fem::material::membrane::MembraneLaw;
 use fem::material::*;
@@ -266,6 +268,87 @@ fn forces_and_stiffness_of_every_effect_are_derivatives() {
         println!("{name:<36} force order {worst_f:.2}, stiffness order {worst_K:.2}");
         assert!(worst_f > 1.9, "{name}: force is not ∂Π/∂x (order {worst_f:.2})");
         assert!(worst_K > 1.9, "{name}: stiffness is not ∂²Π/∂x² (order {worst_K:.2})");
+    }
+}
+
+/// Muscle fibres with one tension: the force is the derivative of the energy on the rising, the falling and the passive part of the
+/// curve and beyond its ends; the stiffness is that of the force as far as the tension does not change with the length.
+#[test]
+fn forces_of_whole_fibres_are_derivatives() {
+    let mut random = Random::new(5);
+    let X: Vec<[f64; 3]> =
+        (0..7).map(|i| [f64::from(i), 0.3 * random.uniform(), 0.3 * random.uniform()]).collect();
+    let length = |nodes: &[u32]| -> f64 {
+        let place = |n: u32| nalgebra::Vector3::from(X[n as usize]);
+        nodes.windows(2).map(|p| (place(p[1]) - place(p[0])).norm()).sum()
+    };
+    let chain = |nodes: &[u32], more: f64| Chain {
+        segments: nodes.windows(2).map(|p| [p[0], p[1]]).collect(),
+        length: length(nodes) + more,
+        area: 0.7,
+    };
+    let fibres = [chain(&[0, 1, 2, 3], 0.0), chain(&[4, 5, 6], 0.4)];
+    let stretch = vec![0.7, 0.85, 1.0, 1.2, 1.35, 1.5];
+    let rising = |peak: f64| vec![0.0, 0.6 * peak, peak, 0.5 * peak, 0.4 * peak + 0.3, 2.0];
+    let hill =
+        ForceLength::new(stretch.clone(), vec![0.0, 1.0], &[vec![0.0, 0.0, 0.0, 0.1, 0.6, 2.0], rising(3.0)]);
+    let level = ForceLength::new(stretch, vec![0.0], &[vec![2.0; 6]]);
+    for (name, law, has_slope) in [("force-length", hill, true), ("constant tension", level, false)] {
+        let effect = Chains::new("fibres", Some(0), law, &X, &fibres);
+        for size in [0.6, 0.8, 0.93, 1.1, 1.28, 1.42, 1.6] {
+            let mut vector = |size: f64| -> Vec<f64> { (0..21).map(|_| size * random.uniform()).collect() };
+            let (u, dx, dy) = (vector(0.02), vector(1.0), vector(1.0));
+            let x: Vec<f64> = X.as_flattened().iter().zip(&u).map(|(X, u)| size * X + u).collect();
+            let controls = [0.6];
+            let at = |h: f64| -> Vec<f64> { x.iter().zip(&dx).map(|(x, d)| x + h * d).collect() };
+            let (f, K) = dense(&effect, &State { x: &x, controls: &controls });
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let energy = |h: f64| effect.energy(&State { x: &at(h), controls: &controls });
+            let order = taylor_order(energy, dot(&f, &dx), 2e-4);
+            assert!(order > 1.9, "{name} at {size}: force is not ∂Π/∂x (order {order:.2})");
+            if !has_slope {
+                let force = |h: f64| dot(&dense(&effect, &State { x: &at(h), controls: &controls }).0, &dy);
+                let slope = (0..21).map(|r| dy[r] * dot(&K[r * 21..(r + 1) * 21], &dx)).sum();
+                let order = taylor_order(force, slope, 2e-4);
+                assert!(order > 1.9, "{name} at {size}: stiffness is not ∂²Π/∂x² (order {order:.2})");
+            }
+            // One force from end to end.
+            let force = |e: usize| effect.line_state(&State { x: &x, controls: &controls }, e).unwrap().1;
+            assert_eq!([force(0), force(3)], [force(1), force(4)]);
+        }
+    }
+}
+
+#[test]
+fn a_force_length_law_meets_its_samples_and_never_pushes() {
+    let stretch: Vec<f64> = (0..12).map(|k| 0.5 + 0.1 * f64::from(k)).collect();
+    let row = |a: f64| -> Vec<f64> {
+        let hill = HillFibre { f_max: 1.0, lambda_opt: 1.0 };
+        stretch.iter().map(|l| LineLaw::Hill(hill).response(*l, a).force).collect()
+    };
+    let (low, high) = (row(0.0), row(1.0));
+    let law = ForceLength::new(stretch.clone(), vec![0.0, 1.0], &[low.clone(), high.clone()]);
+    for k in 0..12 {
+        assert!((law.at(stretch[k], 0.0).stress - low[k]).abs() < 1e-14);
+        assert!((law.at(stretch[k], 1.0).stress - high[k]).abs() < 1e-14);
+        assert!((law.at(stretch[k], 0.25).stress - (0.75 * low[k] + 0.25 * high[k])).abs() < 1e-14);
+    }
+    let h = 1e-6;
+    for k in 0..2000 {
+        let lambda = 0.3 + 8e-4 * f64::from(k);
+        for a in [-0.5, 0.0, 0.3, 1.0, 1.7] {
+            let (before, here, after) = (law.at(lambda - h, a), law.at(lambda, a), law.at(lambda + h, a));
+            assert!(here.stress >= 0.0, "{} at {lambda}", here.stress);
+            assert!(
+                ((after.energy - before.energy) / (2.0 * h) - here.stress).abs() < 1e-7,
+                "energy at {lambda}"
+            );
+            // Continuous with its slope: also across the samples.
+            assert!(
+                ((after.stress - before.stress) / (2.0 * h) - here.slope).abs() < 3e-4,
+                "slope at {lambda}"
+            );
+        }
     }
 }
 

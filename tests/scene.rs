@@ -161,3 +161,33 @@ fn a_factor_per_cell_multiplies_the_stiffness_of_that_cell() {
         assert!(off < 1e-9 && (pair[1].volume - pair[0].volume).abs() < 1e-15, "stress {off:.1e}");
     }
 }
+
+#[test]
+fn a_bad_force_length_law_is_refused() {
+    let good = r#"law = { kind = "force_length", stretch = [0.8, 1.0, 1.2], activation = [0.0, 1.0], stress = [[0.0, 0.0, 1e4], [2e5, 3e5, 2e5]] }"#;
+    let with = |law: &str| BAR.replace(r#"law = { kind = "hill", sigma_max = 3e5, lambda_opt = 1.0 }"#, law);
+    Plan::new(&read(&with(good)).unwrap(), bar()).expect("a good law");
+    for (wrong, right, says) in [
+        (
+            "stretch = [0.8, 1.2, 1.2]",
+            "stretch = [0.8, 1.0, 1.2]",
+            "stretch after 1.2 is 1.2, must be larger",
+        ),
+        ("stretch = [1.0]", "stretch = [0.8, 1.0, 1.2]", "number of samples of stretch is 1"),
+        ("activation = []", "activation = [0.0, 1.0]", "number of samples of activation is 0"),
+        ("[0.0, 0.0]", "[0.0, 0.0, 1e4]", "stresses has 2 entries"),
+        ("[-1.0, 0.0, 1e4]", "[0.0, 0.0, 1e4]", "stress [Pa] is -1"),
+        ("[nan, 0.0, 1e4]", "[0.0, 0.0, 1e4]", "stress [Pa] is NaN"),
+    ] {
+        let text = with(&good.replace(right, wrong));
+        assert_ne!(text, with(good), "{wrong}");
+        let error = Plan::new(&read(&text).unwrap(), bar()).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("fibre `fibres`") && error.contains(says), "{error}");
+    }
+    let embedded = with(good).replace(
+        r#"course = { region = "trusses" }"#,
+        "course = { embedded = [[[0.01, 0.01, 0.01], [0.03, 0.01, 0.01]]] }",
+    );
+    let error = Plan::new(&read(&embedded).unwrap(), bar()).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("whole fibres"), "{error}");
+}

@@ -5,15 +5,27 @@
 use std::path::Path;
 
 use coupling::calibration::FibreCurve;
+use coupling::capacity::VirtualTwists;
+use coupling::compare::StressFree;
+use coupling::fibres::{Calibration, driven_fibres};
+use coupling::muscle_unit::MuscleUnit;
 use coupling::optimize::{OptimizeOptions, optimize};
 use coupling::registration::{BODIES, MeshFrames, Registration};
+use coupling::scene::Fibres;
 use coupling::steps::{StepName, rigid_step};
+use coupling::steps::{rigid_muscles_at, rigid_muscles_standing};
+use coupling::study::SETTINGS;
+use coupling::thigh::build::ThighEffects;
 use coupling::thigh_tables::{ATTACHMENTS, MUSCLE_SECTIONS};
+use fem::body::Wrench;
 use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
 use fem::mesh::muscle::grid::{SectionKind, fill, layers};
 use fem::mesh::muscle::{Loft, MuscleBlock, MuscleSections};
 use multibody::kinematics::coupled_leg;
+use multibody::muscle::curves::Curves;
+use multibody::muscle::hill::equilibrium;
+use multibody::muscle::musculotendon::MusculotendonModel;
 use multibody::natural::SegmentId;
 use nalgebra::{Matrix3, Vector3};
 
@@ -252,4 +264,139 @@ fn a_fibre_curve_is_monotone_and_meets_its_samples() {
     }
     assert_eq!(curve.contraction_for(200.1), None);
     assert_eq!(curve.contraction_for(0.0), Some(0.0));
+}
+
+#[test]
+fn a_unit_pulls_as_its_lines_and_its_drive_gives_their_force_back() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let registration = Registration::new(MeshFrames::built_in(), &done.model).unwrap();
+    let standing = rigid_muscles_standing(&done.model, &registration);
+    let units = &MusculotendonModel::generic().units;
+    let step = rigid_step(&done, &registration, StepName::LoadingResponse).unwrap();
+    let mut driven = 0;
+    for meshed in &standing {
+        let unit = MuscleUnit::new(meshed, Curves::default());
+        let at = step.muscle(&meshed.name).unwrap();
+        let drive = unit.drive(at).unwrap();
+        // A single line: the force of the Hill model, and of the sharing where the activation was not clipped.
+        if let [line] = &at.lines[..] {
+            let own = units.iter().find(|u| u.short_name == line.name).unwrap();
+            let force =
+                |a: f64| equilibrium(own, &Curves::default(), line.length, 0.0, a).map_or(0.0, |e| e.force);
+            assert!((unit.force_at(at, 0.4) - force(0.4)).abs() < 1e-9 * own.f_max, "{}", line.name);
+            assert!(
+                (unit.force(line.length - meshed.lines[0].length, 0.4) - force(0.4)).abs() < 1e-9 * own.f_max
+            );
+            if line.activation > 1e-3 && line.activation < 0.999 {
+                driven += 1;
+                assert!((line.hill_force - line.force).abs() < 1e-3 * own.f_max, "{}: {line:?}", line.name);
+                assert!((force(drive) - line.force).abs() < 1e-3 * own.f_max, "{}", line.name);
+            } else if line.activation == 0.0 {
+                assert_eq!(drive, 0.0, "{}", line.name);
+            }
+        }
+        assert!((0.0..=1.8).contains(&drive));
+        assert!((unit.drive_for(0.0, unit.force(0.0, 0.3)) - 0.3).abs() < 1e-6, "{}", meshed.name);
+    }
+    assert!(driven > 1);
+}
+
+#[test]
+fn flexing_the_registered_leg_flexes_its_joints() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let model = &done.model;
+    let registration = Registration::new(MeshFrames::built_in(), model).unwrap();
+    let angles = |Q| multibody::kinematics::joint_angles(&model.shapes, &Q);
+    let still = angles(registration.standing(model));
+    let bent = angles(registration.posture(model, 0.3, 0.5).unwrap());
+    assert!((bent[3] - still[3] - 0.5).abs() < 1e-6, "knee {} to {}", still[3], bent[3]);
+    assert!((bent[0] - still[0] - 0.3).abs() < 0.02, "hip {} to {}", still[0], bent[0]);
+}
+
+/// Lever arms from the virtual work of forces on the bones: of the lines of the rigid leg they are those of its equilibrium.
+#[test]
+fn virtual_work_on_the_bones_gives_the_lever_arms_of_the_lines() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let model = &done.model;
+    let registration = Registration::new(MeshFrames::built_in(), model).unwrap();
+    for row in [0, 12, 60] {
+        let Q = &done.motion.Q[done.motion.report.start + row];
+        let reduced = done.loads.reduced[row].as_ref().unwrap();
+        let twists = VirtualTwists::new(model, &registration, Q, &reduced.tangent);
+        let hip = registration.frames().hip;
+        let mut compared = 0;
+        for muscle in rigid_muscles_at(model, &registration, Q) {
+            for line in &muscle.lines {
+                let i = model.muscles.iter().position(|m| m.name == line.name).unwrap();
+                let fe = multibody::muscle::path::knee_angle(&model.shapes, Q);
+                let segments: Vec<SegmentId> = model.muscles[i].points(fe).map(|p| p.segment).collect();
+                let mut moments = nalgebra::DVector::zeros(reduced.moments.len());
+                for (k, segment) in segments.iter().enumerate() {
+                    let here = line.path[k];
+                    let mut force = Vector3::zeros();
+                    for other in
+                        [k.checked_sub(1), (k + 1 < segments.len()).then_some(k + 1)].into_iter().flatten()
+                    {
+                        force += (line.path[other] - here).normalize();
+                    }
+                    let mut wrench = Wrench::default();
+                    wrench.add((here - hip).into(), force.into());
+                    let body = match segment {
+                        SegmentId::Thigh => "thigh",
+                        SegmentId::Patella => "patella",
+                        SegmentId::Shank => "shank",
+                        _ => "pelvis",
+                    };
+                    moments += twists.work(body, &wrench);
+                }
+                compared += 1;
+                let away = (moments - reduced.lever_arms.column(i)).amax();
+                assert!(away < 1e-6, "{} at {row}: {away} m off", line.name);
+            }
+        }
+        assert_eq!(compared, 25);
+    }
+}
+
+/// The calibration knows nothing of the steps, and calibrated muscles pull as their lines do at the same activation and length.
+#[test]
+fn hill_fibres_are_calibrated_alone_and_never_on_a_step() {
+    let done = optimize(&OptimizeOptions::default()).unwrap();
+    let registration = Registration::new(MeshFrames::built_in(), &done.model).unwrap();
+    let only = ["gluteus_minimus".to_string(), "gluteus_medius".to_string()];
+    let made = coupling::thigh::built_in(14e-3, &only, ThighEffects { fibres: true, shells: true }).unwrap();
+    let step = |name| rigid_step(&done, &registration, name).unwrap();
+    let calibrate = |steps: &[coupling::steps::RigidStep]| {
+        let fibres = driven_fibres(
+            &made.thigh,
+            &done.model,
+            &registration,
+            steps,
+            StressFree::Standing,
+            Fibres::Hill,
+            &SETTINGS,
+        );
+        let fibres = fibres.unwrap();
+        let Calibration::Hill { muscles, .. } = fibres.calibration else { panic!("Hill fibres") };
+        (muscles, fibres.controls)
+    };
+    let (muscles, controls) = calibrate(&[step(StepName::HeelStrike), step(StepName::LoadingResponse)]);
+    let (again, other) = calibrate(&[step(StepName::LoadingResponse)]);
+    assert_eq!(muscles, again);
+    assert_eq!(controls[1], other[0]);
+    for muscle in &muscles {
+        assert!(
+            (0.9..1.0).contains(&muscle.fit.rest) && (1.0..1.2).contains(&muscle.fit.gain),
+            "{:?}",
+            muscle.fit
+        );
+        assert_eq!(muscle.samples.len(), 5);
+        for sample in &muscle.samples {
+            let off = (sample.found / sample.rigid_at_length - 1.0).abs();
+            assert!(off < 0.03, "{}: {sample:?}", muscle.muscle);
+        }
+        // Where the fit is made it is no more than the round-off of the solution and what the fit itself moves.
+        let fitted = &muscle.samples[0];
+        assert!((fitted.found / fitted.rigid - 1.0).abs() < 5e-3, "{}: {fitted:?}", muscle.muscle);
+    }
 }

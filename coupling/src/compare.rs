@@ -11,6 +11,7 @@ use fem::measure::collision_surfaces;
 use fem::output::{Restart, run_restartable};
 use fem::plan::{Plan, SceneError};
 use fem::run::{Drive, DriveFrame, Frame, Run};
+use fem::scene::{FibreLawSpec, FibreSpec};
 use fem::solve::Settings;
 use rayon::prelude::*;
 
@@ -66,6 +67,15 @@ pub struct Configuration {
     pub overlaps: Vec<f64>,
     /// Wall time of the solution.
     pub time: Duration,
+    /// Frames on the way to the first step.
+    pub on_the_way: usize,
+}
+
+impl Configuration {
+    /// The solved frames at the steps.
+    pub fn at_steps(&self) -> impl Iterator<Item = &Frame> {
+        self.run.frames.iter().skip(self.on_the_way)
+    }
 }
 
 /// What is wrong with a comparison before it starts.
@@ -91,7 +101,8 @@ impl From<CompareError> for CommandError {
     }
 }
 
-/// Frames of the drive: the way to heel strike passive, the activation there, then loading response. `controls`: per step the control of
+/// Frames of the drive: with thermal fibres from standing the way to heel strike first, passive; then heel strike and loading response.
+/// `controls`: per step the control of
 /// every muscle.
 pub fn drive(
     plan: &Plan,
@@ -118,7 +129,9 @@ pub fn drive(
         frames.push(DriveFrame { time, load: plan.load(&controls, &moved)? });
         Ok(())
     };
-    if stress_free == StressFree::Standing {
+    // Fibres that pull hold a muscle taut on its way: solved in tens of iterations and not in hundreds.
+    let pulls_on_the_way = |f: &FibreSpec| matches!(f.law, FibreLawSpec::ForceLength { .. });
+    if stress_free == StressFree::Standing && !thigh.scene.fibres.iter().any(pulls_on_the_way) {
         push(0.5, &steps[0].poses, &vec![0.0; thigh.muscles.len()])?;
     }
     for (i, step) in steps.iter().enumerate() {
@@ -178,7 +191,7 @@ pub fn configuration(
             intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
         }
     }
-    Ok(Configuration { run, steps: forces, intersections, overlaps, time })
+    Ok(Configuration { run, steps: forces, intersections, overlaps, time, on_the_way: passive })
 }
 
 /// Lines along which shared volume is measured are this far apart \[m\].

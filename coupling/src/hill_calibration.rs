@@ -89,19 +89,21 @@ pub fn calibrate_hill(
 ) -> Result<Vec<Calibrated>, CalibrationError> {
     let n = thigh.muscles.len();
     let raw = vec![Fit::default(); n];
-    let fits: Vec<Fit> = {
+    let (fits, taut): (Vec<Fit>, Vec<f64>) = {
         let thigh = with_laws(thigh, units, scale, &raw);
         let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
-        let mut looks = Looks::new(&thigh, &plan, settings);
+        let mut looks = Looks::from(&thigh, &plan, settings, None);
         let taut = looks.at(FITTED_AT, None)?;
-        taut.iter()
+        let fits = taut
+            .iter()
             .zip(units)
             .zip(&thigh.muscles)
             .map(|((seen, unit), muscle)| {
                 let pulled = unit.force((seen.stretch - 1.0) * muscle.fibre_length / scale, FITTED_AT);
                 Fit { rest: seen.stretch, gain: pulled / seen.force }
             })
-            .collect()
+            .collect();
+        (fits, looks.x)
     };
     for (muscle, fit) in thigh.muscles.iter().zip(&fits) {
         if !(0.2..5.0).contains(&fit.gain) {
@@ -110,7 +112,7 @@ pub fn calibrate_hill(
     }
     let thigh = with_laws(thigh, units, scale, &fits);
     let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
-    let mut looks = Looks::new(&thigh, &plan, settings);
+    let mut looks = Looks::from(&thigh, &plan, settings, Some(&taut));
     let mut all: Vec<Calibrated> = (thigh.muscles.iter().zip(&fits))
         .map(|(m, fit)| Calibrated { muscle: m.name.clone(), fit: *fit, samples: Vec::new() })
         .collect();
@@ -146,11 +148,14 @@ struct Looks<'a> {
     plan: &'a Plan,
     session: Session<'a>,
     time: f64,
+    /// Where the nodes were at last \[m\].
+    x: Vec<f64>,
 }
 
 impl<'a> Looks<'a> {
-    fn new(thigh: &'a Thigh, plan: &'a Plan, settings: &Settings) -> Looks<'a> {
-        Looks { thigh, plan, session: Session::new(plan, settings, None), time: 0.0 }
+    /// `start`: where to start in place of the mesh as it is.
+    fn from(thigh: &'a Thigh, plan: &'a Plan, settings: &Settings, start: Option<&[f64]>) -> Looks<'a> {
+        Looks { thigh, plan, session: Session::new(plan, settings, start), time: 0.0, x: Vec::new() }
     }
 
     /// All muscles at an activation and in a posture, that of the mesh where there is none.
@@ -167,6 +172,7 @@ impl<'a> Looks<'a> {
         if let Some(error) = done.errors.into_iter().next() {
             return Err(CalibrationError::Solve(error));
         }
+        self.x.clone_from(&done.frame.x);
         let at = done.frame.snapshot();
         let see = |(i, muscle)| Seen {
             stretch: self.thigh.fibre_stretch(i, at.x),

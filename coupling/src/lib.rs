@@ -1,10 +1,13 @@
 //! The command `sartorius`: the only crate that knows both the rigid leg and the deformable thigh.
 
 pub mod calibration;
+pub mod capacity;
 pub mod cli;
 pub mod compare;
 pub mod error;
+pub mod explain;
 pub mod fibres;
+pub mod fixed_point;
 pub mod hill_calibration;
 pub mod measured;
 pub mod muscle_unit;
@@ -19,3 +22,4 @@ pub mod study;
 pub mod subject;
 pub mod thigh;
 pub mod thigh_tables;
+pub mod two_way;

@@ -16,6 +16,7 @@ use crate::steps::RigidMuscle;
 /// Activations at which the law is tabulated. A lengthening fibre pulls up to 1.8 times as hard as one at rest
 /// ([`multibody::muscle::curves::Thelen2003::f_len`]).
 const ACTIVATIONS: [f64; 15] = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8];
+const MOST_ACTIVE: f64 = ACTIVATIONS[ACTIVATIONS.len() - 1];
 /// Samples of the law in length.
 const LENGTHS: usize = 96;
 /// Fibre lengths over which it is tabulated, in multiples of the optimal length.
@@ -65,25 +66,22 @@ impl MuscleUnit {
 
     /// The isometric activation at which the lines make, at the lengths of a step, the force that the Hill model of the rigid leg gives
     /// them there; 0 where their passive force alone is greater. `None` beyond 1.8, where no fibre pulls.
+    ///
+    /// A line at rest counts with its passive force in balance with its tendon: the rigid leg reads the fibre's length off a tendon that
+    /// carries the shared force, which is nothing there.
     pub fn drive(&self, step: &RigidMuscle) -> Option<f64> {
-        let wanted: f64 = self.lines.iter().zip(&step.lines).map(|(l, at)| l.along * at.hill_force).sum();
-        let (mut low, mut high) = (0.0, ACTIVATIONS[ACTIVATIONS.len() - 1]);
-        if self.force_at(step, low) >= wanted {
-            return Some(low);
-        }
-        if self.force_at(step, high) < wanted {
-            return None;
-        }
-        // Force grows with activation: bisection down to the resolution of the force.
-        for _ in 0..48 {
-            let middle = 0.5 * (low + high);
-            if self.force_at(step, middle) < wanted {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        Some(0.5 * (low + high))
+        let line = |(l, at): (&Line, &crate::steps::RigidLine)| match at.activation {
+            0.0 => isometric(l.unit, &self.curves, at.length, 0.0),
+            _ => at.hill_force,
+        };
+        let wanted: f64 = self.lines.iter().zip(&step.lines).map(|pair| pair.0.along * line(pair)).sum();
+        let force = |a: f64| self.force_at(step, a);
+        (force(MOST_ACTIVE) >= wanted).then(|| activation(force, wanted))
+    }
+
+    /// The isometric activation that makes `wanted` \[N\] with all lines longer by `shift` \[m\], the nearest one where none does.
+    pub fn drive_for(&self, shift: f64, wanted: f64) -> f64 {
+        activation(|a| self.force(shift, a), wanted)
     }
 
     /// Mean over the lines, weighted with their strength, of fibre lengths along the tendon (musculotendon length less slack tendon)
@@ -91,6 +89,13 @@ impl MuscleUnit {
     pub fn fibre_length(&self, shift: f64) -> f64 {
         let strength: f64 = self.lines.iter().map(|l| l.unit.f_max).sum();
         self.lines.iter().map(|l| l.unit.f_max * (l.length + shift - l.unit.l_ts)).sum::<f64>() / strength
+    }
+
+    /// The same at the lengths that the lines have in another posture.
+    pub fn fibre_length_at(&self, posture: &RigidMuscle) -> f64 {
+        let strength: f64 = self.lines.iter().map(|l| l.unit.f_max).sum();
+        let lines = self.lines.iter().zip(&posture.lines);
+        lines.map(|(l, at)| l.unit.f_max * (at.length - l.unit.l_ts)).sum::<f64>() / strength
     }
 
     /// Range of `shift` \[m\] over which some line has its fibre within [`FIBRE_RANGE`].
@@ -133,6 +138,27 @@ impl Default for Fit {
     fn default() -> Fit {
         Fit { rest: 1.0, gain: 1.0 }
     }
+}
+
+/// The activation from 0 to the most at which `force` is `wanted` \[N\], or that end of the range that is nearest to it. Force grows with
+/// activation: bisection down to the resolution of the force.
+fn activation(force: impl Fn(f64) -> f64, wanted: f64) -> f64 {
+    let (mut low, mut high) = (0.0, MOST_ACTIVE);
+    if force(low) >= wanted {
+        return low;
+    }
+    if force(high) <= wanted {
+        return high;
+    }
+    for _ in 0..48 {
+        let middle = 0.5 * (low + high);
+        if force(middle) < wanted {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
 }
 
 /// Isometric force \[N\] of fibre and elastic tendon; none where the path is too short for the tendon to be taut.

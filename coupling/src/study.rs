@@ -2,18 +2,22 @@
 
 #![allow(non_snake_case)]
 
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use fem::mesh::Mesh;
 use fem::output::Restart;
 use fem::plan::Plan;
-use fem::run::Drive;
+use fem::run::{Drive, Frame};
 use fem::solve::Settings;
 use sha2::{Digest, Sha256};
 
 use crate::compare::{Configuration, configuration, drive};
 use crate::error::CommandError;
+use crate::explain;
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
+use crate::fixed_point::Scheme;
+use crate::muscle_unit::Fit;
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::registration::{MeshFrames, Registration};
 use crate::scene::{Fibres, Scene};
@@ -22,6 +26,7 @@ use crate::subject::{factors, limb_map};
 use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
 use crate::thigh::{BuiltIn, from_limb, from_surfaces, limb};
+use crate::two_way::{Pass, TwoWay};
 
 /// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N: forces of single muscles
 /// are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
@@ -65,6 +70,8 @@ pub struct Study {
     pub thigh: Thigh,
     /// How its fibres were calibrated.
     pub calibration: Calibration,
+    /// Per step the control of every muscle.
+    pub controls: Vec<Vec<f64>>,
     /// Without and with contact, where asked for.
     pub configurations: [Option<(Plan, Configuration)>; 2],
 }
@@ -166,7 +173,12 @@ impl Prepared {
         lap: &mut dyn FnMut(&str),
     ) -> Result<Study, CommandError> {
         let thigh = self.thigh.clone();
-        let mut study = Study { thigh, calibration: Calibration::None, configurations: [None, None] };
+        let mut study = Study {
+            thigh,
+            calibration: Calibration::None,
+            controls: Vec::new(),
+            configurations: [None, None],
+        };
         if self.made.is_none() {
             return Ok(study);
         }
@@ -179,14 +191,14 @@ impl Prepared {
             self.scene.fibres,
             &SETTINGS,
         )?;
-        (study.thigh, study.calibration) = (thigh, calibration);
+        (study.thigh, study.calibration, study.controls) = (thigh, calibration, controls);
         if self.scene.fibres != Fibres::None {
             lap(STAGES[2]);
         }
         let (thigh, steps) = (&study.thigh, &self.steps);
         for c in (0..2).filter(|c| asked[*c]) {
             let plan = self.plan(thigh, c)?;
-            let way = drive(&plan, thigh, &controls, steps, self.scene.stress_free)?;
+            let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(FOLDERS[c]);
@@ -195,6 +207,50 @@ impl Prepared {
             study.configurations[c] = Some((plan, done));
         }
         Ok(study)
+    }
+
+    /// Two-way coupling from the one-way result without contact, `most` passes at most. Needs Hill fibres and all steps solved.
+    pub fn two_way(&self, study: &Study, scheme: Scheme, most: usize) -> Result<Vec<Pass>, CommandError> {
+        let (Calibration::Hill { muscles, units, scale }, Some((plan, alone))) =
+            (&study.calibration, &study.configurations[0])
+        else {
+            let why = "two-way coupling needs Hill fibres and the configuration without contact";
+            return Err(CommandError::Option(why.into()));
+        };
+        let first: Vec<&Frame> = alone.at_steps().collect();
+        if first.len() < self.steps.len() {
+            return Err(CommandError::NotConverged("two-way coupling needs all steps solved one-way".into()));
+        }
+        let way = drive(plan, &study.thigh, &study.controls, &self.steps, self.scene.stress_free)?;
+        let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
+        let two_way = TwoWay {
+            done: &self.done,
+            registration: &self.registration,
+            steps: &self.steps,
+            thigh: &study.thigh,
+            plan,
+            drive: &way,
+            units,
+            fits: &fits,
+            scale: *scale,
+            settings: &SETTINGS,
+        };
+        two_way.passes(&first, scheme, most)
+    }
+}
+
+impl Study {
+    /// `explanation.csv`: a row per step, configuration and muscle.
+    pub fn write_explanations(&self, w: &mut dyn Write, steps: &[RigidStep]) -> io::Result<()> {
+        writeln!(w, "{}", explain::COLUMNS)?;
+        for (plan, result) in self.configurations.iter().flatten() {
+            let name = if plan.islands.iter().any(|i| i.contact.is_some()) { FOLDERS[1] } else { FOLDERS[0] };
+            for (step, frame) in steps.iter().zip(result.at_steps()) {
+                let rows = explain::explain(plan, &self.thigh, &self.calibration, step, frame);
+                explain::write_rows(w, step.name.name(), name, &rows)?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use fem::output::remove_run;
@@ -10,12 +11,15 @@ use super::Outcome;
 use super::progress::Progress;
 use crate::compare::{CompareError, StressFree};
 use crate::error::CommandError;
+use crate::explain::write_calibration;
+use crate::fixed_point::Scheme;
 use crate::output::atomic::OutputFolder;
 use crate::output::compare::write_compare;
 use crate::output::run::{InputFile, RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
 use crate::study::{FOLDERS, Prepared};
+use crate::two_way::{MOST_PASSES, Pass, TOLERANCE, write_passes};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -36,6 +40,12 @@ pub struct CompareArguments {
     /// Only these muscles, by name, in place of the scene's.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
+    /// Feed the forces and lever arms of the thigh back into force sharing until they no longer change; without contact, Hill fibres.
+    #[arg(long, value_enum, value_name = "SCHEME", num_args = 0..=1, require_equals = true, default_missing_value = "iqn-ils")]
+    two_way: Option<SchemeChoice>,
+    /// Passes of two-way coupling at most; the first is the one-way result.
+    #[arg(long, value_name = "N", default_value_t = MOST_PASSES as u16, value_parser = clap::value_parser!(u16).range(1..=200))]
+    passes: u16,
     /// Folder for the results [default: out/compare-<scene>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -45,6 +55,13 @@ pub struct CompareArguments {
     /// Print the verdict as JSON.
     #[arg(long)]
     json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SchemeChoice {
+    IqnIls,
+    Aitken,
+    Relaxation,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -112,12 +129,23 @@ impl CompareArguments {
     }
 }
 
+/// Factor of relaxation, and of the first pass of the other schemes.
+const FIRST_FACTOR: f64 = 0.5;
+
 /// Runs the command.
 pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
     let (scene, asked) = arguments.scene()?;
     let folder = arguments.out.clone();
     let folder = folder.unwrap_or_else(|| Path::new("out").join(format!("compare-{}", scene.name)));
-    let ways = Ways { resume: arguments.resume, json: arguments.json };
+    let two_way = arguments.two_way.map(|choice| {
+        let scheme = match choice {
+            SchemeChoice::IqnIls => Scheme::IqnIls(FIRST_FACTOR),
+            SchemeChoice::Aitken => Scheme::Aitken(FIRST_FACTOR),
+            SchemeChoice::Relaxation => Scheme::Relaxation(FIRST_FACTOR),
+        };
+        (scheme, usize::from(arguments.passes))
+    });
+    let ways = Ways { resume: arguments.resume, json: arguments.json, two_way };
     carry_out("compare", scene, asked, arguments.data.as_deref(), &folder, ways)
 }
 
@@ -128,6 +156,8 @@ pub(super) struct Ways {
     pub resume: bool,
     /// The verdict is printed as JSON.
     pub json: bool,
+    /// Two-way coupling: scheme and passes at most.
+    pub two_way: Option<(Scheme, usize)>,
 }
 
 /// Carries out a scene for `command` and says what came of it.
@@ -137,7 +167,7 @@ pub(super) fn carry_out(
     asked: [bool; 2],
     data: Option<&Path>,
     folder: &Path,
-    Ways { resume, json }: Ways,
+    Ways { resume, json, two_way }: Ways,
 ) -> Result<Outcome, CommandError> {
     let mut record = RunRecord::new(command);
     let mut progress = Progress::new(&scene, asked);
@@ -145,7 +175,7 @@ pub(super) fn carry_out(
     for file in &prepared.inputs {
         record.inputs.push(InputFile::of(file)?);
     }
-    let out = OutputFolder::open(folder)?;
+    let mut out = OutputFolder::open(folder)?;
     if !resume {
         for run in FOLDERS {
             remove_run(&folder.join(run), "thigh").map_err(CompareError::from)?;
@@ -158,6 +188,11 @@ pub(super) fn carry_out(
     record.iterations.insert("newton".into(), count(&|run| run.iterations.len()));
     record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
     record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
+    let clock = Instant::now();
+    let passes = two_way.map(|(scheme, most)| prepared.two_way(&study, scheme, most)).transpose()?;
+    if passes.is_some() {
+        record.stage("two-way", clock.elapsed());
+    }
 
     let settings = prepared.scene.settings();
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
@@ -177,10 +212,23 @@ pub(super) fn carry_out(
         seconds: &seconds,
     };
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
-    let shortcomings = report.shortcomings();
+    let mut shortcomings = report.shortcomings();
+    if let (Some(passes), Some((_, most))) = (&passes, two_way)
+        && let (true, Some(change)) = (passes.len() == most, passes[most - 1].change)
+        && change >= TOLERANCE
+    {
+        shortcomings
+            .push(format!("two-way coupling: the capacity still changes by {change:.1e} in pass {most}"));
+    }
     if !shortcomings.is_empty() {
         record.status = RunStatus::NotConverged;
         record.reason = Some(shortcomings.join("; "));
+    }
+    out.write("explanation.csv", |w| study.write_explanations(w, &prepared.steps))?;
+    out.write("calibration.csv", |w| write_calibration(w, &study.thigh, &study.calibration))?;
+    match &passes {
+        Some(passes) => out.write("passes.csv", |w| write_passes(w, &prepared.steps, passes))?,
+        None => out.remove("passes.csv")?,
     }
     let record = write_compare(out, &report, record)?;
     let mut terminal = std::io::stdout().lock();
@@ -193,9 +241,23 @@ pub(super) fn carry_out(
         });
         writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data"))
     } else {
-        print(&mut terminal, &report, &record, folder)
+        print(&mut terminal, &report, &record, folder).and_then(|()| print_passes(&mut terminal, &passes))
     };
     Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
+}
+
+/// One line per pass of two-way coupling.
+fn print_passes(w: &mut impl Write, passes: &Option<Vec<Pass>>) -> std::io::Result<()> {
+    for (k, pass) in passes.iter().flatten().enumerate() {
+        let change = pass.change.map_or("-".into(), |c| format!("{c:.2e}"));
+        writeln!(
+            w,
+            "pass {}: capacity changes by {change}, joint moments of the thigh miss {:.2} N m at most",
+            k + 1,
+            pass.largest_missing()
+        )?;
+    }
+    Ok(())
 }
 
 fn print(

@@ -33,6 +33,6 @@ pub fn run(arguments: &StepArguments) -> Result<Outcome, CommandError> {
     let with = scene.contact.is_some();
     let folder = arguments.out.clone();
     let folder = folder.unwrap_or_else(|| Path::new("out").join(format!("step-{}", scene.name)));
-    let ways = Ways { resume: arguments.resume, json: arguments.json };
+    let ways = Ways { resume: arguments.resume, json: arguments.json, two_way: None };
     carry_out("step", scene, [!with, with], arguments.data.as_deref(), &folder, ways)
 }

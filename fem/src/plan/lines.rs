@@ -135,7 +135,8 @@ fn force_length(
     for (samples, quantity, least) in [(stretch, "stretch", 2), (activation, "activation", 1)] {
         let count = samples.len() as f64;
         check(user, &format!("number of samples of {quantity}"), count, samples.len() >= least, "larger")?;
-        check(user, &format!("first {quantity}"), samples[0], samples[0] >= 0.0, "at least 0")?;
+        let first = samples[0];
+        check(user, &format!("first {quantity}"), first, first >= 0.0, "at least 0")?;
         for pair in samples.windows(2) {
             check(user, &format!("{quantity} after {}", pair[0]), pair[1], pair[1] > pair[0], "larger")?;
         }

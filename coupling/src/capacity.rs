@@ -1,0 +1,132 @@
+//! What the muscles of the deformable thigh can do at a step, in the terms of force sharing: bounds of their tensions and lever arms.
+//!
+//! The tissue of a muscle pulls at the bones that it is tied to. The virtual work of these forces per joint coordinate is the moment of
+//! the muscle; over the force through its belly it is its lever arm, to be held against those of the lines of the rigid leg.
+
+#![allow(non_snake_case)]
+
+use fem::body::Wrench;
+use fem::effect::Part;
+use fem::measure::{Snapshot, nodal_forces};
+use fem::plan::Plan;
+use multibody::model::Model;
+use multibody::natural::{Coordinates, SegmentId};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use crate::registration::Registration;
+use crate::section::belly_force;
+use crate::thigh::build::Thigh;
+
+/// Below this force \[N\] moment over force says nothing about a lever arm.
+const LEAST_FORCE: f64 = 5.0;
+/// Step of the difference quotient along the natural coordinates \[rad\].
+const STEP: f64 = 1e-6;
+
+/// How the bones of the thigh move with the joint coordinates, the pelvis held.
+pub struct VirtualTwists {
+    /// Per body of the scene (thigh, patella, shank): its name, and per coordinate the velocity of its point at the hip centre \[m/rad\]
+    /// and its angular velocity, in the frame of the mesh.
+    bodies: Vec<(&'static str, Vec<[Vector3<f64>; 2]>)>,
+    /// Hip centre in the mesh \[m\].
+    hip: Vector3<f64>,
+}
+
+impl VirtualTwists {
+    /// `tangent`: dQ/dq of the leg ([`multibody::equilibrium::Equilibrium::tangent`]).
+    pub fn new(
+        model: &Model,
+        registration: &Registration,
+        Q: &Coordinates,
+        tangent: &DMatrix<f64>,
+    ) -> VirtualTwists {
+        let hip = model.pose(SegmentId::Thigh, Q).p;
+        let segments =
+            [("thigh", SegmentId::Thigh), ("patella", SegmentId::Patella), ("shank", SegmentId::Shank)];
+        let twist = |segment: SegmentId, c: usize| {
+            let moved = |h: f64| {
+                let mut Q = *Q;
+                (0..tangent.nrows()).for_each(|i| Q[i] += h * tangent[(i, c)]);
+                model.pose(segment, &Q)
+            };
+            let (here, ahead, behind) = (model.pose(segment, Q), moved(STEP), moved(-STEP));
+            let local = here.R.transpose() * (hip - here.p);
+            let velocity = (ahead.R * local + ahead.p - behind.R * local - behind.p) / (2.0 * STEP);
+            let spin = (ahead.R - behind.R) / (2.0 * STEP) * here.R.transpose();
+            let omega = 0.5
+                * Vector3::new(
+                    spin[(2, 1)] - spin[(1, 2)],
+                    spin[(0, 2)] - spin[(2, 0)],
+                    spin[(1, 0)] - spin[(0, 1)],
+                );
+            [velocity, omega].map(|v| registration.direction(model, Q, &v))
+        };
+        let bodies = segments
+            .into_iter()
+            .map(|(name, segment)| (name, (0..tangent.ncols()).map(|c| twist(segment, c)).collect()))
+            .collect();
+        VirtualTwists { bodies, hip: registration.frames().hip }
+    }
+
+    /// Virtual work \[N·m/rad\] per coordinate of a wrench on a body, moments about the hip centre; none on the pelvis, which is held.
+    pub fn work(&self, body: &str, wrench: &Wrench) -> DVector<f64> {
+        let n = self.bodies[0].1.len();
+        let Some((_, twists)) = self.bodies.iter().find(|b| b.0 == body) else { return DVector::zeros(n) };
+        let (force, moment) = (Vector3::from(wrench.force), Vector3::from(wrench.moment));
+        DVector::from_iterator(n, twists.iter().map(|[v, omega]| v.dot(&force) + omega.dot(&moment)))
+    }
+}
+
+/// What a muscle does to the skeleton.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MuscleAction {
+    /// Force through its belly \[N\].
+    pub force: f64,
+    /// Share of matrix and shell in it \[N\].
+    pub tissue: f64,
+    /// Mean stretch of its fibres.
+    pub stretch: f64,
+    /// Moment per joint coordinate \[N·m\].
+    pub moments: DVector<f64>,
+    /// Resultant of its forces on all bones \[N\]: nothing, but for what contact carries.
+    pub resultant: Vector3<f64>,
+}
+
+impl MuscleAction {
+    /// Lever arms \[m\]; `None` where there is hardly any force.
+    pub fn lever_arms(&self) -> Option<DVector<f64>> {
+        (self.force >= LEAST_FORCE).then(|| &self.moments / self.force)
+    }
+}
+
+/// Actions of all muscles of the thigh in a solved state, by what they are tied to.
+pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists) -> Vec<MuscleAction> {
+    let g = nodal_forces(plan, at);
+    let one = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
+        let own = format!("{}/", muscle.name);
+        let mut moments = DVector::zeros(twists.bodies[0].1.len());
+        let mut resultant = Vector3::zeros();
+        for tie in thigh.scene.ties.iter().filter(|t| t.nodes.starts_with(&own)) {
+            let mut wrench = Wrench::default();
+            for &n in &plan.mesh.node_sets[&tie.nodes] {
+                let k = 3 * n as usize;
+                // The bone holds the node with g, so the tissue pulls at the bone with −g.
+                wrench.add(
+                    std::array::from_fn(|c| at.x[k + c] - twists.hip[c]),
+                    std::array::from_fn(|c| -g[k + c]),
+                );
+            }
+            moments += twists.work(&tie.body, &wrench);
+            resultant += Vector3::from(wrench.force);
+        }
+        let belly = belly_force(plan, at, muscle);
+        let part = |p| belly.section.part_along(p, belly.tangent.into());
+        MuscleAction {
+            force: belly.along(),
+            tissue: part(Part::Matrix) + part(Part::Membrane),
+            stretch: thigh.fibre_stretch(i, at.x),
+            moments,
+            resultant,
+        }
+    };
+    thigh.muscles.iter().enumerate().map(one).collect()
+}

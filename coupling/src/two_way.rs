@@ -1,0 +1,297 @@
+//! Two-way coupling: the deformable muscles tell force sharing what they can do, force sharing tells them how hard to pull, until what
+//! they can do no longer changes.
+//!
+//! Per step and muscle the capacity is: by how much its lever arms differ from those of its lines, the length of its fibres, and the force
+//! of its matrix and shell. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
+//! at that length) and the isometric activation that makes a tension. Agreement of the two models is a result, never the stopping rule.
+
+#![allow(non_snake_case)]
+
+use std::io::{self, Write};
+
+use fem::plan::Plan;
+use fem::run::{Drive, DriveFrame, Frame, Session};
+use fem::solve::Settings;
+use multibody::share::{SharingSettings, names, problem};
+use multibody::sharing::{Capacity, SharingProblem, SharingSolver};
+use multibody::trial::Status;
+use nalgebra::DVector;
+
+use crate::capacity::{MuscleAction, VirtualTwists, actions};
+use crate::error::CommandError;
+use crate::fixed_point::{FixedPoint, Scheme};
+use crate::muscle_unit::{Fit, MuscleUnit};
+use crate::optimize::Optimized;
+use crate::registration::Registration;
+use crate::steps::RigidStep;
+use crate::thigh::build::Thigh;
+
+/// Relative change of the capacity at which the passes end.
+pub const TOLERANCE: f64 = 1e-3;
+/// Passes at most.
+pub const MOST_PASSES: usize = 16;
+/// Coordinates that muscles of the thigh move: three of the hip, one of the knee.
+const MOVED: usize = 4;
+/// Changes that count alike: of lever arms \[m\], of lengths \[m\], of forces \[N\].
+const ARM: f64 = 0.01;
+const LENGTH: f64 = 0.01;
+const FORCE: f64 = 100.0;
+/// Numbers of a muscle at a step.
+const N: usize = MOVED + 2;
+
+/// What stays the same from pass to pass.
+pub struct TwoWay<'a> {
+    /// The rigid leg.
+    pub done: &'a Optimized,
+    /// Its place in the mesh.
+    pub registration: &'a Registration,
+    /// The steps as one-way coupling has them.
+    pub steps: &'a [RigidStep],
+    /// The thigh with Hill fibres.
+    pub thigh: &'a Thigh,
+    /// Without contact.
+    pub plan: &'a Plan,
+    /// The drive of the one-way run.
+    pub drive: &'a Drive,
+    /// Units and fits of its muscles, and the scale of [`MuscleUnit::law`].
+    pub units: &'a [MuscleUnit],
+    /// Their fits.
+    pub fits: &'a [Fit],
+    /// See [`MuscleUnit::law`].
+    pub scale: f64,
+    /// Of the deformable side.
+    pub settings: &'a Settings,
+}
+
+/// One pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pass {
+    /// Change of the capacity relative to its size: of what the thigh says over what it was asked with. `None` in the first pass.
+    pub change: Option<f64>,
+    /// Joint moments \[N·m\] per step, hip (three) and knee, that are missing when the forces of the thigh replace those of the rigid leg.
+    pub missing: Vec<[f64; MOVED]>,
+    /// Tensions per step and muscle as force sharing wants them \[N\].
+    pub wanted: Vec<Vec<f64>>,
+    /// Forces through the bellies per step and muscle \[N\].
+    pub found: Vec<Vec<f64>>,
+}
+
+impl Pass {
+    /// Largest missing moment \[N·m\].
+    pub fn largest_missing(&self) -> f64 {
+        self.missing.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
+    }
+}
+
+impl TwoWay<'_> {
+    /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`.
+    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Vec<Pass>, CommandError> {
+        let twists: Vec<VirtualTwists> =
+            self.steps.iter().map(|s| self.twists(s)).collect::<Result<_, _>>()?;
+        let seen: Vec<Vec<MuscleAction>> = (first.iter().zip(&twists))
+            .map(|(f, t)| actions(self.plan, self.thigh, f.snapshot(), t))
+            .collect();
+        let shared: Vec<DVector<f64>> = self.steps.iter().map(|s| self.forces(s)).collect();
+        let mut passes = vec![self.pass(None, &shared, &seen)?];
+        if most < 2 {
+            return Ok(passes);
+        }
+        let mut fixed_point = FixedPoint::new(scheme);
+        let nothing = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
+        let mut x = self.capacity(&seen, &nothing, &shared)?;
+        let mut sessions: Vec<Session> = Vec::new();
+        for (k, _) in self.steps.iter().enumerate() {
+            let mut session = Session::new(self.plan, self.settings, None);
+            let way = self.drive.frames.len() - self.steps.len();
+            for frame in &self.drive.frames[..=way + k] {
+                advance(&mut session, frame)?;
+            }
+            sessions.push(session);
+        }
+        while passes.len() < most {
+            let mut shared = Vec::new();
+            let mut seen = Vec::new();
+            for (k, step) in self.steps.iter().enumerate() {
+                let f = self.share(step, &x, k)?;
+                let frame = self.frame(&f, &x, k)?;
+                let solved = advance(&mut sessions[k], &frame)?;
+                seen.push(actions(self.plan, self.thigh, solved.snapshot(), &twists[k]));
+                shared.push(f);
+            }
+            let image = self.capacity(&seen, &x, &shared)?;
+            let change = (&image - &x).norm() / image.norm();
+            passes.push(self.pass(Some(change), &shared, &seen)?);
+            if change < TOLERANCE {
+                break;
+            }
+            x = fixed_point.next(&x, &image);
+        }
+        Ok(passes)
+    }
+
+    fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, CommandError> {
+        let Q = &self.done.motion.Q[self.done.motion.report.start + step.row];
+        let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+        Ok(VirtualTwists::new(&self.done.model, self.registration, Q, &reduced.tangent))
+    }
+
+    /// Tensions of all lines at a step, one-way.
+    fn forces(&self, step: &RigidStep) -> DVector<f64> {
+        self.done.effort.forces.values.row(step.row).transpose()
+    }
+
+    /// Numbers of the model's lines that belong to a muscle of the thigh.
+    fn lines(&self, muscle: usize) -> Vec<usize> {
+        let name = &self.thigh.muscles[muscle].name;
+        let lines = self.steps[0].muscle(name).map_or(&[][..], |m| &m.lines);
+        let number =
+            |l: &crate::steps::RigidLine| self.done.model.muscles.iter().position(|m| m.name == l.name);
+        lines.iter().filter_map(number).collect()
+    }
+
+    /// Change of length of the lines of a muscle against the posture of the mesh \[m\] at a stretch of its fibres.
+    fn shift(&self, muscle: usize, stretch: f64) -> f64 {
+        (stretch - self.fits[muscle].rest) * self.thigh.muscles[muscle].fibre_length / self.scale
+    }
+
+    /// The capacity that was seen, scaled, all steps and muscles one after the other. Lever arms of muscles with hardly any force stay as in
+    /// `before`.
+    fn capacity(
+        &self,
+        seen: &[Vec<MuscleAction>],
+        before: &DVector<f64>,
+        shared: &[DVector<f64>],
+    ) -> Result<DVector<f64>, CommandError> {
+        let mut x = before.clone();
+        for (k, step) in self.steps.iter().enumerate() {
+            let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+            for (m, action) in seen[k].iter().enumerate() {
+                let at = N * (k * self.thigh.muscles.len() + m);
+                x[at] = self.shift(m, action.stretch) / LENGTH;
+                x[at + 1] = action.tissue / FORCE;
+                let lines = self.lines(m);
+                let tension: f64 = lines.iter().map(|&i| shared[k][i]).sum();
+                if let (Some(arms), true) = (action.lever_arms(), tension > 0.0) {
+                    for c in 0..MOVED {
+                        let of_lines: f64 =
+                            lines.iter().map(|&i| reduced.lever_arms[(c, i)] * shared[k][i]).sum::<f64>()
+                                / tension;
+                        x[at + 2 + c] = (arms[c] - of_lines) / ARM;
+                    }
+                }
+            }
+        }
+        Ok(x)
+    }
+
+    /// Force sharing at a step with a capacity.
+    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<DVector<f64>, CommandError> {
+        let model = &self.done.model;
+        let nominal = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+        let mut problem: SharingProblem =
+            problem(model, &self.done.loads, step.row, &nominal, &SharingSettings::default())
+                .ok_or_else(|| no_loads(step))?;
+        for m in 0..self.thigh.muscles.len() {
+            let at = N * (k * self.thigh.muscles.len() + m);
+            let lines = self.lines(m);
+            let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
+            let (shift, tissue) = (LENGTH * x[at], FORCE * x[at + 1]);
+            let bound = |a: f64| (self.units[m].force(shift, a) + tissue).max(0.0);
+            let (least, most) = (bound(0.0), bound(1.0));
+            for &i in &lines {
+                let share = model.muscles[i].f_max / strength;
+                problem.lower_f[i] = share * least;
+                problem.upper_f[i] = share * most.max(least + 1.0);
+                for c in 0..MOVED {
+                    problem.R[(c, i)] += ARM * x[at + 2 + c];
+                }
+            }
+        }
+        let mut solver = SharingSolver::new(names(model), SharingSettings::default().options);
+        let solved = solver.solve(&problem)?;
+        if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
+            let why = solved.verdict.reason.unwrap_or_default();
+            return Err(CommandError::NotConverged(format!(
+                "two-way coupling, {}: no muscle forces: {why}",
+                step.name.name()
+            )));
+        }
+        Ok(solved.f)
+    }
+
+    /// The load of the thigh at a step for tensions `f`.
+    fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, CommandError> {
+        let way = self.drive.frames.len() - self.steps.len();
+        let mut frame = self.drive.frames[way + k].clone();
+        for (m, muscle) in self.thigh.muscles.iter().enumerate() {
+            let at = N * (k * self.thigh.muscles.len() + m);
+            let tension: f64 = self.lines(m).iter().map(|&i| f[i]).sum();
+            let (shift, tissue) = (LENGTH * x[at], FORCE * x[at + 1]);
+            let control = self.plan.controls.iter().position(|c| *c == muscle.name);
+            let control = control.expect("the fibres of a muscle have its name for a control");
+            frame.load.controls[control] = self.units[m].drive_for(shift, tension - tissue);
+        }
+        Ok(frame)
+    }
+
+    fn pass(
+        &self,
+        change: Option<f64>,
+        shared: &[DVector<f64>],
+        seen: &[Vec<MuscleAction>],
+    ) -> Result<Pass, CommandError> {
+        let mut pass = Pass { change, missing: Vec::new(), wanted: Vec::new(), found: Vec::new() };
+        for (k, step) in self.steps.iter().enumerate() {
+            let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+            let mut others = shared[k].clone();
+            let mut moments: DVector<f64> = DVector::zeros(reduced.moments.len());
+            let mut wanted = Vec::new();
+            for (m, action) in seen[k].iter().enumerate() {
+                let lines = self.lines(m);
+                wanted.push(lines.iter().map(|&i| shared[k][i]).sum());
+                lines.iter().for_each(|&i| others[i] = 0.0);
+                moments += &action.moments;
+            }
+            let missing = &reduced.moments - moments - &reduced.lever_arms * others;
+            pass.missing.push(std::array::from_fn(|c| missing[c]));
+            pass.wanted.push(wanted);
+            pass.found.push(seen[k].iter().map(|a| a.force).collect());
+        }
+        Ok(pass)
+    }
+}
+
+fn no_loads(step: &RigidStep) -> CommandError {
+    CommandError::NotConverged(format!("no loads at {}", step.name.name()))
+}
+
+fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Frame, CommandError> {
+    let done = session.advance(frame);
+    match done.errors.into_iter().next() {
+        None => Ok(done.frame),
+        Some(error) => Err(CommandError::NotConverged(format!("two-way coupling: {error}"))),
+    }
+}
+
+/// `passes.csv`: a row per pass.
+pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> io::Result<()> {
+    write!(w, "pass,capacity_change,largest_missing_Nm,mean_difference_N")?;
+    for step in steps {
+        for c in ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"] {
+            write!(w, ",{}_{c}_missing_Nm", step.name.name())?;
+        }
+    }
+    writeln!(w)?;
+    for (k, pass) in passes.iter().enumerate() {
+        let change = pass.change.map_or(String::new(), |c| format!("{c:.6}"));
+        let pairs = pass.wanted.iter().flatten().zip(pass.found.iter().flatten());
+        let n = pass.found.iter().flatten().count().max(1) as f64;
+        let mean = pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / n;
+        write!(w, "{},{change},{:.5},{mean:.4}", k + 1, pass.largest_missing())?;
+        for v in pass.missing.iter().flatten() {
+            write!(w, ",{v:.5}")?;
+        }
+        writeln!(w)?;
+    }
+    Ok(())
+}
