@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use coupling::registration::MeshFrames;
-use coupling::registration::Registration;
+use coupling::registration::{MeshFrames, Registration};
 use coupling::steps::rigid_muscles_standing;
 use coupling::thigh;
 use coupling::thigh::build::reaches;
@@ -125,7 +124,7 @@ fn muscles_keep_apart_as_contact_and_as_files_see_them() {
                 let gap = a.least_gap(b).unwrap().closest.distance;
                 assert!(gap >= 0.2e-3, "{name} and {}: {gap} m", blocks[j].name);
                 // No pair comes closer than what is stated.
-                assert!(built.muscles[i].gap.unwrap().0 <= gap, "{name}");
+                assert!(built.muscles[i].gap.unwrap().0 <= gap + 1e-12, "{name}"); // to rounding
             }
             // Bones are met by the cells of the ends only, and where they are met it is stated.
             let per_layer = blocks[i].nodes_per_section as u32;
@@ -138,6 +137,21 @@ fn muscles_keep_apart_as_contact_and_as_files_see_them() {
                 }
             }
         }
+    }
+    // What it took: against each muscle meshed by itself.
+    for (m, section) in built.muscles.iter().zip(&sections) {
+        let alone = &muscle::build(std::slice::from_ref(section), &[], 10e-3).muscles[0];
+        let ways = m.block.points.iter().zip(&alone.block.points);
+        let longest = ways.map(|(p, q)| (Vector3::from(*p) - Vector3::from(*q)).norm()).fold(0.0, f64::max);
+        let name = &m.block.name;
+        assert!(
+            0.0 < m.moved[0] && m.moved[0] < m.moved[1] && m.moved[1] <= longest,
+            "{name}: {:?}",
+            m.moved
+        );
+        assert!((m.volume_before / alone.block.volume() - 1.0).abs() < 1e-12, "{name}");
+        assert!(m.moved[1] < 6e-3 && (m.quality.volume / m.volume_before - 1.0).abs() < 0.02, "{name}");
+        assert_eq!(alone.moved, [0.0; 2], "{name}");
     }
     let [two, four] = [0, 1].map(|r| read[r][0].1.len());
     assert_eq!(2 * two, four, "the same reading twice");

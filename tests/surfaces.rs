@@ -158,6 +158,33 @@ fn triangles_meet_exactly_when_whole_numbers_say_so() {
     assert!(met > 10_000 && 60_000 - met > 10_000 && degenerate > 2_000, "{met} {degenerate}");
 }
 
+/// One triangle inside another of the same plane: no edge meets an edge.
+#[test]
+fn nested_triangles_of_one_plane_meet() {
+    let mut random = Random::new(11);
+    let mut tested = 0;
+    while tested < 2_000 {
+        let t = grid_triangle(&mut random, 20);
+        let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
+        if n == [0; 3] {
+            continue;
+        }
+        tested += 1;
+        let mix = |w: [i128; 3]| [0, 1, 2].map(|i| w[0] * t[0][i] + w[1] * t[1][i] + w[2] * t[2][i]);
+        let outer = [mix([6, 0, 0]), mix([0, 6, 0]), mix([0, 0, 6])];
+        let inner = [mix([4, 1, 1]), mix([1, 4, 1]), mix([1, 1, 4])];
+        let moved = |by: Grid| inner.map(|p| [0, 1, 2].map(|i| p[i] + by[i]));
+        // Inside; lifted off the plane; in the plane, but two widths aside.
+        let aside = sub(mix([12, 0, 0]), mix([0, 12, 0]));
+        for (inner, expected) in [(inner, true), (moved(n), false), (moved(aside), false)] {
+            assert_eq!(meet_by_differences(outer, inner), expected);
+            let (a, b) = (triangle(outer, 1.0, 0.0), triangle(inner, 1.0, 0.0));
+            assert_eq!([triangles_meet(&a, &b), triangles_meet(&b, &a)], [expected; 2], "{a:?} {b:?}");
+            assert_eq!(distance::triangles(&a, &b).distance == 0.0, expected);
+        }
+    }
+}
+
 #[test]
 fn triangles_one_rounding_error_apart_are_told_apart() {
     // A corner above, in, or below a sloping plane by one unit in the last place.

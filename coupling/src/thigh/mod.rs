@@ -33,15 +33,20 @@ const AT_REFERENCE: [&str; 1] = ["semimembranosus"];
 
 /// The tables of the built-in thigh.
 pub fn limb() -> Result<Limb, MeshError> {
-    let mut limb = Limb {
-        sections: MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?,
-        bones: Bone::read_csv(BONE_SECTIONS, Path::new("bone_sections.csv"))?,
-        attachments: Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?,
-    };
+    Ok(with_attachments(
+        MuscleSections::read_csv(MUSCLE_SECTIONS, Path::new("muscle_sections.csv"))?,
+        Bone::read_csv(BONE_SECTIONS, Path::new("bone_sections.csv"))?,
+        Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?,
+    ))
+}
+
+/// A limb whose muscles insert where they are trusted to.
+fn with_attachments(sections: Vec<MuscleSections>, bones: Vec<Bone>, attachments: Vec<Attachment>) -> Limb {
+    let mut limb = Limb { sections, bones, attachments };
     for muscle in AT_REFERENCE {
         limb.insert_at_reference(muscle);
     }
-    Ok(limb)
+    limb
 }
 
 /// Meshes the built-in thigh with edges of about `edge` \[m\]; `only` these muscles, all where it is empty.
@@ -73,6 +78,6 @@ pub fn from_surfaces(
     ends.retain(|m| only.is_empty() || only.contains(&m.muscle));
     let Anatomy { muscles: sections, bones, files, .. } =
         Anatomy::read(muscles, bones, &ends, LengthUnit::Metre, &Settings::default())?;
-    let attachments = limb()?.attachments;
-    Ok((from_limb(Limb { sections, bones, attachments }, edge, &[], effects), files))
+    let attachments = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
+    Ok((from_limb(with_attachments(sections, bones, attachments), edge, &[], effects), files))
 }

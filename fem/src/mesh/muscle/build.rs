@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::grid::{self, Coarser, SectionKind};
 use super::separate::{Planes, Skin, planes};
-use super::smooth::Smoother;
+use super::smooth::{Plane, Smoother};
 use super::{Bone, Loft, MuscleBlock, MuscleSections, N_OUTLINE, to_mesh};
-use crate::geometry::SignedDistance;
+use crate::geometry::{Gap, SignedDistance};
 use crate::mesh::quality::Quality;
 
 /// Goals that a mesh is judged by.
@@ -53,6 +53,8 @@ const VIEW: f64 = 0.8e-3;
 const AIM: f64 = 1.3;
 /// Distance of a muscle, but for its end layers, to the bones that ends the rounds early \[m\].
 const BONE_GAP: f64 = 0.05e-3;
+/// Depth in a bone that attached ends are left \[m\]: less than [`Goals::bone_depth`].
+const END_DEPTH: f64 = 1.7e-3;
 /// The last interval is cut where a border advances more than this share of the muscle's length in it, and more than this many times
 /// as far as another: its cells would be slivers.
 const MOST_ADVANCE: f64 = 0.25;
@@ -334,7 +336,7 @@ fn near_pairs(skins: &[Skins], bones: &[Skin]) -> (Vec<[usize; 2]>, Vec<[usize; 
 }
 
 /// Gives every muscle the planes of its neighbours, and returns the least distances \[m\] (at most the view) between two muscles,
-/// and from a muscle but for its end layers to a bone; both readings of the surfaces count.
+/// and from a muscle but for its end layers to a bone, zero where an end is too deep in one; both readings of the surfaces count.
 fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skins], bones: &[Skin]) -> [f64; 2] {
     let (between, to_bone) = near_pairs(skins, bones);
     let aim = AIM * GOALS.gap;
@@ -355,10 +357,20 @@ fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skins], bones: &[Skin]
         .par_iter()
         .map(|&(i, j, reading)| {
             let (skin, bone) = (&skins[i][reading], &bones[j]);
-            let mut pairs = skin.search.pairs_within(&bone.search, VIEW);
-            pairs.retain(|p| !skin.nodes_of(p.a).any(|n| muscles[i].0.is_end(n)));
-            let least = pairs.iter().map(|p| p.closest.distance).fold(VIEW, f64::min);
-            (planes(skin, bone, &pairs, aim, 1.0), least)
+            let is_end = |n: u32| muscles[i].0.is_end(n);
+            let pairs = skin.search.pairs_within(&bone.search, VIEW);
+            // Attached ends may reach into their bone, but not deep.
+            let (ends, free): (Vec<Gap>, Vec<Gap>) =
+                pairs.into_iter().partition(|p| skin.nodes_of(p.a).any(is_end));
+            let least = free.iter().map(|p| p.closest.distance).fold(VIEW, f64::min);
+            let mut asked = planes(skin, bone, &free, aim, 1.0);
+            asked.a.retain(|p| !p.nodes.into_iter().any(is_end));
+            let mut of_ends = planes(skin, bone, &ends, -END_DEPTH, 1.0).a;
+            of_ends.retain(|p| p.nodes.into_iter().any(is_end));
+            let too_deep = |p: &Plane| p.trespass(&muscles[i].0.block.points) > GOALS.bone_depth - END_DEPTH;
+            let least = if of_ends.iter().any(too_deep) { 0.0 } else { least };
+            asked.a.extend(of_ends);
+            (asked, least)
         })
         .collect();
     muscles.iter_mut().for_each(|(m, _)| m.planes.clear());
@@ -369,10 +381,7 @@ fn meet(muscles: &mut [(Smoother, SectionKind)], skins: &[Skins], bones: &[Skin]
         to_muscles = to_muscles.min(distance);
     }
     for ((i, ..), (planes, distance)) in to_bone.into_iter().zip(of_bones) {
-        // Attached ends may reach into their bone.
-        let m = &mut muscles[i].0;
-        let free: Vec<_> = planes.a.into_iter().filter(|p| !p.nodes.iter().any(|&n| m.is_end(n))).collect();
-        m.planes.extend(free);
+        muscles[i].0.planes.extend(planes.a);
         to_bones = to_bones.min(distance);
     }
     [to_muscles, to_bones]

@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 
 /// Weight p of the quadratic part, which raises the mean.
-const QUADRATIC: f64 = 0.1;
+const QUADRATIC: f64 = 0.2;
 /// The value q₀ at which the exponential part has slope −1.
 pub const WANTED: f64 = 0.45;
 /// Cells whose worst corner lies below this are also watched at their Gauss points.

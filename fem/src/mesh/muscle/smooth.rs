@@ -49,6 +49,14 @@ pub struct Plane {
     pub offset: f64,
 }
 
+impl Plane {
+    /// How far the point of the face is past the plane \[m\], negative on the allowed side.
+    pub fn trespass(&self, points: &[[f64; 3]]) -> f64 {
+        let part = |i: usize| Vector3::from(points[self.nodes[i] as usize]) * self.weights[i];
+        self.normal.dot(&(0..4).map(part).sum::<Vector3<f64>>()) - self.offset
+    }
+}
+
 /// A point of the lateral surface, a node (four times the same) or the centre of a face, and the coordinates (t, s) of its foot on
 /// the loft.
 #[derive(Clone, Copy, Debug)]
