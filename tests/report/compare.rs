@@ -49,6 +49,8 @@ fn report(small: &Small) -> CompareReport<'_> {
         settings: &[],
         simulated: &[],
         left_out: &[],
+        calibration: &small.study.calibration,
+        passes: &[],
         seconds: &[],
     }
 }

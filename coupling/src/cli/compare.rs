@@ -194,7 +194,10 @@ pub(super) fn carry_out(
         record.stage("two-way", clock.elapsed());
     }
 
-    let settings = prepared.scene.settings();
+    let mut settings = prepared.scene.settings();
+    if let Some((scheme, most)) = two_way {
+        settings.push(("Two-way coupling".into(), format!("{scheme:?}, at most {most} passes")));
+    }
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
     let seconds = record.seconds.clone();
     let computed =
@@ -209,6 +212,8 @@ pub(super) fn carry_out(
         settings: &settings,
         simulated: &simulated,
         left_out: &left_out,
+        calibration: &study.calibration,
+        passes: passes.as_deref().unwrap_or(&[]),
         seconds: &seconds,
     };
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();

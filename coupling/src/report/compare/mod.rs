@@ -1,5 +1,6 @@
 //! The page of `compare`: the table first, then bars, sections, the thigh in three dimensions, convergence and cost.
 
+mod calibration;
 mod convergence;
 mod cost;
 mod figures;
@@ -15,8 +16,10 @@ use serde::Serialize;
 
 use super::page::{document_with, label_table, section};
 use crate::compare::{Configuration, MuscleForce, wanted};
+use crate::fibres::Calibration;
 use crate::steps::{RigidStep, StepName};
 use crate::thigh::build::Thigh;
+use crate::two_way::Pass;
 
 /// Names of the configurations, in the order of [`CompareReport::configurations`].
 pub const CONFIGURATIONS: [&str; 2] = ["without contact", "with contact"];
@@ -51,6 +54,10 @@ pub struct CompareReport<'a> {
     pub simulated: &'a [String],
     /// Effects that were left out, and why.
     pub left_out: &'a [(String, String)],
+    /// How the fibres were calibrated.
+    pub calibration: &'a Calibration,
+    /// Passes of two-way coupling; empty without.
+    pub passes: &'a [Pass],
     /// Stage and wall seconds, in the order of the run.
     pub seconds: &'a [(String, f64)],
 }
@@ -196,6 +203,8 @@ pub fn compare_page(report: &CompareReport) -> String {
         slices::sections(report),
         viewer::viewer(report),
         tables::explanations(report),
+        calibration::section_of(report),
+        calibration::passes(report),
         convergence::section_of(report),
         cost::section_of(report),
         section("What was simulated and what was left out", "", &details),

@@ -2,12 +2,9 @@
 
 use std::fmt::Write;
 
-use fem::geometry::Surface;
-use fem::measure::{fibre_states, pair_forces};
-use nalgebra::Vector3;
-
 use super::published::published;
 use super::{CARRIES, CONFIGURATIONS, CompareReport, Computed, Row, step_words, words};
+use crate::explain::explain;
 use crate::report::page::{section, table};
 use crate::report::svg::{escape, fixed};
 
@@ -173,24 +170,14 @@ pub(super) fn explanations(report: &CompareReport) -> String {
         for (k, step) in report.steps.iter().enumerate() {
             let frame = result.run.frames.iter().find(|f| f.time == 1.0 + k as f64);
             let Some(frame) = frame else { continue };
-            let contact = pair_forces(plan, frame.snapshot(), [0.0; 3]);
+            let why = explain(plan, report.thigh, report.calibration, step, frame);
             for (i, row) in report.rows(k).iter().enumerate() {
                 let (Some(force), Some(difference)) = (row.fe[c], row.difference(c)) else { continue };
                 if difference.abs() <= WORTH_EXPLAINING {
                     continue;
                 }
-                let muscle = &report.thigh.muscles[i];
-                let own = format!("{}/surface", muscle.name);
-                let pushed: Vector3<f64> = contact
-                    .iter()
-                    .filter(|p| p.names.contains(&own))
-                    .map(|p| if p.names[0] == own { 1.0 } else { -1.0 } * Vector3::from(p.wrench.force))
-                    .sum();
-                let states = fibre_states(plan, frame.snapshot(), &format!("{}/fibres", muscle.name));
-                let stretch =
-                    states.map_or(f64::NAN, |s| s.iter().map(|f| f.stretch).sum::<f64>() / s.len() as f64);
-                let line = step.muscle(&muscle.name).map(|m| m.force());
-                let angle = line.map_or(f64::NAN, |line| line.angle(&belly(report, frame, i)).to_degrees());
+                let why = &why[i];
+                let some = |v: Option<f64>, digits| v.map_or("–".into(), |v| fixed(v, digits));
                 rows.push(vec![
                     step_words(step.name).into(),
                     CONFIGURATIONS[c].into(),
@@ -200,9 +187,11 @@ pub(super) fn explanations(report: &CompareReport) -> String {
                     fixed(force.fibre, 1),
                     fixed(force.matrix, 1),
                     fixed(force.shell, 1),
-                    fixed(stretch, 3),
-                    if row.rigid < CARRIES { "–".into() } else { fixed(angle, 0) },
-                    if c == 0 { "–".into() } else { fixed(pushed.norm(), 1) },
+                    fixed(why.passive, 1),
+                    some(why.rigid_passive, 1),
+                    some(why.length_ratio, 3),
+                    fixed(why.angle, 0),
+                    some(why.contact, 1),
                 ]);
             }
         }
@@ -223,40 +212,17 @@ pub(super) fn explanations(report: &CompareReport) -> String {
         "Fibres, N",
         "Matrix, N",
         "Shell, N",
-        "Mean fibre stretch",
-        "Angle to rigid line, °",
+        "Passive, N",
+        "Passive in the rigid leg, N",
+        "Fibre length over the rigid",
+        "Angle of the lines, °",
         "Contact resultant, N",
     ];
     section(
         "What lies behind the differences",
-        "For muscles farther than 20 N from the rigid leg: the parts of the section force, how far the fibres are stretched, the angle between the belly and the rigid line of action, and what all others press on the muscle.",
+        "For muscles farther than 20 N from the rigid leg: the parts of the section force; what no activation makes, and what the rigid lines would have of it at their length, which force sharing does not know; fibre length beside that of the rigid leg; the angle between the two lines of action; what all others press on the muscle.",
         &table(&header, 3, &rows),
     )
-}
-
-/// Direction of a muscle's belly in a frame, from origin to insertion: between the middles of the layers beside the cut.
-fn belly(report: &CompareReport, frame: &fem::run::Frame, muscle: usize) -> Vector3<f64> {
-    let m = &report.thigh.muscles[muscle];
-    let faces = &report.thigh.mesh.surfaces[&format!("{}/surface", m.name)];
-    let (at_rest, nodes) = Surface::from_faces(&report.thigh.mesh.points, faces);
-    // Nodes of the surface belong to the layer whose centre is nearest.
-    let layer = m.layer_at(0.5);
-    let (a, b) = (layer.saturating_sub(1), (layer + 1).min(m.line.len() - 1));
-    let middle = |layer: usize| {
-        let own = |p: &[f64; 3]| {
-            let far = |l: &usize| (m.line[*l] - Vector3::from(*p)).norm();
-            (0..m.line.len()).min_by(|i, j| far(i).total_cmp(&far(j))) == Some(layer)
-        };
-        let places: Vec<Vector3<f64>> = at_rest
-            .points
-            .iter()
-            .zip(&nodes)
-            .filter(|(p, _)| own(p))
-            .map(|(_, &n)| Vector3::from(frame.x.as_chunks::<3>().0[n as usize]))
-            .collect();
-        places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64
-    };
-    middle(b) - middle(a)
 }
 
 /// What was simulated and what not.
