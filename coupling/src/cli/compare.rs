@@ -305,8 +305,13 @@ fn print(
         for d in differences.iter().filter(|d| d.step == step.name) {
             writeln!(
                 w,
-                "  {}: mean difference {:.1} N ({:.1} N of all muscles), largest {:.1} N ({}); muscles share {:.1} cm3",
-                d.configuration, d.mean, d.mean_of_all, d.largest, d.largest_muscle, d.shared_volume
+                "  {}: mean difference {} N ({:.1} N of all muscles), largest {:.1} N ({}); muscles share {:.1} cm3",
+                d.configuration,
+                d.mean.map_or("-".into(), |m| format!("{m:.1}")),
+                d.mean_of_all,
+                d.largest,
+                d.largest_muscle,
+                d.shared_volume
             )?;
         }
     }

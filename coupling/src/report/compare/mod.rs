@@ -92,9 +92,9 @@ pub struct Difference {
     pub step: StepName,
     /// `without contact` or `with contact`.
     pub configuration: &'static str,
-    /// Mean over the muscles that carry force in the rigid leg, as the publication counts.
+    /// Mean over the muscles that carry force in the rigid leg, as the publication counts; `None` where there are none.
     #[serde(rename = "mean_N")]
-    pub mean: f64,
+    pub mean: Option<f64>,
     /// Mean over all muscles.
     #[serde(rename = "mean_of_all_N")]
     pub mean_of_all: f64,
@@ -132,14 +132,14 @@ impl CompareReport<'_> {
                 let Some(most) = away.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
                 let mean = |carries: f64| {
                     let of: Vec<f64> = away.iter().filter(|a| a.1.rigid >= carries).map(|a| a.0).collect();
-                    of.iter().sum::<f64>() / of.len().max(1) as f64
+                    (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
                 };
                 let overlaps = self.configurations[c].map(|c| &c.result.overlaps);
                 all.push(Difference {
                     step: step.name,
                     configuration,
                     mean: mean(CARRIES),
-                    mean_of_all: mean(f64::NEG_INFINITY),
+                    mean_of_all: mean(f64::NEG_INFINITY).expect("there is a largest"),
                     largest: most.0,
                     largest_muscle: most.1.muscle.clone(),
                     shared_volume: overlaps.and_then(|o| o.get(k)).map_or(f64::NAN, |v| v * 1e6),

@@ -50,7 +50,7 @@ pub(super) fn headline(report: &CompareReport) -> String {
             "<div class=\"tile\"><span>{}, {}</span><b>{} <small>N</small></b><span>mean difference from the rigid leg; largest {} N ({})</span></div>",
             step_words(d.step),
             d.configuration,
-            fixed(d.mean, 1),
+            fixed(d.mean.unwrap_or(f64::NAN), 1),
             fixed(d.largest, 1),
             escape(&words(&d.largest_muscle))
         );
@@ -138,7 +138,7 @@ fn summary(report: &CompareReport) -> String {
                 step_words(d.step).into(),
                 d.configuration.into(),
                 words(&d.largest_muscle),
-                fixed(d.mean, 1),
+                fixed(d.mean.unwrap_or(f64::NAN), 1),
                 fixed(d.mean_of_all, 1),
                 fixed(d.largest, 1),
                 fixed(mean, 1),
