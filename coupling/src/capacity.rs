@@ -18,7 +18,7 @@ use crate::section::belly_force;
 use crate::thigh::build::Thigh;
 
 /// Below this force \[N\] moment over force says nothing about a lever arm.
-const LEAST_FORCE: f64 = 5.0;
+const LEAST_FORCE: f64 = 20.0;
 /// Step of the difference quotient along the natural coordinates \[rad\].
 const STEP: f64 = 1e-6;
 

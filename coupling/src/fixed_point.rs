@@ -21,7 +21,7 @@ pub enum Scheme {
 }
 
 /// Columns of V that hold less than this share of themselves that is new are left out: they are noise of the solvers.
-const LEAST_NEW: f64 = 1e-6;
+const LEAST_NEW: f64 = 1e-3;
 
 /// Finds a fixed point, guess by guess.
 #[derive(Clone, Debug)]

@@ -1,8 +1,8 @@
 //! Two-way coupling: the deformable muscles tell force sharing what they can do, force sharing tells them how hard to pull, until what
 //! they can do no longer changes.
 //!
-//! Per step and muscle the capacity is: by how much its lever arms differ from those of its lines, the length of its fibres, and the force
-//! of its matrix and shell. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
+//! Per step and muscle the capacity is: by how much its lever arms differ from those of its lines, the length of its fibres, the force
+//! of its matrix and shell, and how much of the tension of its fibres comes through the belly. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
 //! at that length) and the isometric activation that makes a tension. Agreement of the two models is a result, never the stopping rule.
 
 #![allow(non_snake_case)]
@@ -36,8 +36,12 @@ const MOVED: usize = 4;
 const ARM: f64 = 0.01;
 const LENGTH: f64 = 0.01;
 const FORCE: f64 = 100.0;
+/// And of shares of the tension.
+const SHARE: f64 = 0.1;
 /// Numbers of a muscle at a step.
-const N: usize = MOVED + 2;
+const N: usize = MOVED + 3;
+/// Tensions below this \[N\] say nothing about the share that comes through the belly.
+const LEAST_TENSION: f64 = 20.0;
 
 /// What stays the same from pass to pass.
 pub struct TwoWay<'a> {
@@ -68,6 +72,8 @@ pub struct TwoWay<'a> {
 pub struct Pass {
     /// Change of the capacity relative to its size: of what the thigh says over what it was asked with. `None` in the first pass.
     pub change: Option<f64>,
+    /// What changed most: step, muscle and quantity.
+    pub changed_most: Option<String>,
     /// Joint moments \[N·m\] per step, hip (three) and knee, that are missing when the forces of the thigh replace those of the rigid leg.
     pub missing: Vec<[f64; MOVED]>,
     /// Tensions per step and muscle as force sharing wants them \[N\].
@@ -97,8 +103,9 @@ impl TwoWay<'_> {
             return Ok(passes);
         }
         let mut fixed_point = FixedPoint::new(scheme);
+        let drives: Vec<Vec<f64>> = (0..self.steps.len()).map(|k| self.drives(self.at_step(k))).collect();
         let nothing = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
-        let mut x = self.capacity(&seen, &nothing, &shared)?;
+        let mut x = self.capacity(&seen, &nothing, &shared, &drives)?;
         let mut sessions: Vec<Session> = Vec::new();
         for (k, _) in self.steps.iter().enumerate() {
             let mut session = Session::new(self.plan, self.settings, None);
@@ -110,17 +117,20 @@ impl TwoWay<'_> {
         }
         while passes.len() < most {
             let mut shared = Vec::new();
-            let mut seen = Vec::new();
+            let (mut seen, mut drives) = (Vec::new(), Vec::new());
             for (k, step) in self.steps.iter().enumerate() {
                 let f = self.share(step, &x, k)?;
                 let frame = self.frame(&f, &x, k)?;
                 let solved = advance(&mut sessions[k], &frame)?;
+                drives.push(self.drives(&frame));
                 seen.push(actions(self.plan, self.thigh, solved.snapshot(), &twists[k]));
                 shared.push(f);
             }
-            let image = self.capacity(&seen, &x, &shared)?;
+            let image = self.capacity(&seen, &x, &shared, &drives)?;
             let change = (&image - &x).norm() / image.norm();
-            passes.push(self.pass(Some(change), &shared, &seen)?);
+            let mut pass = self.pass(Some(change), &shared, &seen)?;
+            pass.changed_most = Some(self.name_of((&image - &x).iamax()));
+            passes.push(pass);
             if change < TOLERANCE {
                 break;
             }
@@ -149,6 +159,22 @@ impl TwoWay<'_> {
         lines.iter().filter_map(number).collect()
     }
 
+    /// The frame of a step in the one-way drive.
+    fn at_step(&self, k: usize) -> &DriveFrame {
+        &self.drive.frames[self.drive.frames.len() - self.steps.len() + k]
+    }
+
+    /// Control of the fibres of a muscle.
+    fn control(&self, muscle: &str) -> usize {
+        let control = self.plan.controls.iter().position(|c| c == muscle);
+        control.expect("the fibres of a muscle have its name for a control")
+    }
+
+    /// Isometric activations of all muscles in a frame.
+    fn drives(&self, frame: &DriveFrame) -> Vec<f64> {
+        self.thigh.muscles.iter().map(|m| frame.load.controls[self.control(&m.name)]).collect()
+    }
+
     /// Change of length of the lines of a muscle against the posture of the mesh \[m\] at a stretch of its fibres.
     fn shift(&self, muscle: usize, stretch: f64) -> f64 {
         (stretch - self.fits[muscle].rest) * self.thigh.muscles[muscle].fibre_length / self.scale
@@ -161,6 +187,7 @@ impl TwoWay<'_> {
         seen: &[Vec<MuscleAction>],
         before: &DVector<f64>,
         shared: &[DVector<f64>],
+        drives: &[Vec<f64>],
     ) -> Result<DVector<f64>, CommandError> {
         let mut x = before.clone();
         for (k, step) in self.steps.iter().enumerate() {
@@ -169,6 +196,10 @@ impl TwoWay<'_> {
                 let at = N * (k * self.thigh.muscles.len() + m);
                 x[at] = self.shift(m, action.stretch) / LENGTH;
                 x[at + 1] = action.tissue / FORCE;
+                let tension = self.units[m].force(self.shift(m, action.stretch), drives[k][m]);
+                if tension >= LEAST_TENSION {
+                    x[at + 2] = ((action.force - action.tissue) / tension - 1.0) / SHARE;
+                }
                 let lines = self.lines(m);
                 let tension: f64 = lines.iter().map(|&i| shared[k][i]).sum();
                 if let (Some(arms), true) = (action.lever_arms(), tension > 0.0) {
@@ -176,7 +207,7 @@ impl TwoWay<'_> {
                         let of_lines: f64 =
                             lines.iter().map(|&i| reduced.lever_arms[(c, i)] * shared[k][i]).sum::<f64>()
                                 / tension;
-                        x[at + 2 + c] = (arms[c] - of_lines) / ARM;
+                        x[at + 3 + c] = (arms[c] - of_lines) / ARM;
                     }
                 }
             }
@@ -195,15 +226,15 @@ impl TwoWay<'_> {
             let at = N * (k * self.thigh.muscles.len() + m);
             let lines = self.lines(m);
             let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
-            let (shift, tissue) = (LENGTH * x[at], FORCE * x[at + 1]);
-            let bound = |a: f64| (self.units[m].force(shift, a) + tissue).max(0.0);
+            let (shift, tissue, share) = (LENGTH * x[at], FORCE * x[at + 1], 1.0 + SHARE * x[at + 2]);
+            let bound = |a: f64| (share * self.units[m].force(shift, a) + tissue).max(0.0);
             let (least, most) = (bound(0.0), bound(1.0));
             for &i in &lines {
-                let share = model.muscles[i].f_max / strength;
-                problem.lower_f[i] = share * least;
-                problem.upper_f[i] = share * most.max(least + 1.0);
+                let part = model.muscles[i].f_max / strength;
+                problem.lower_f[i] = part * least;
+                problem.upper_f[i] = part * most.max(least + 1.0);
                 for c in 0..MOVED {
-                    problem.R[(c, i)] += ARM * x[at + 2 + c];
+                    problem.R[(c, i)] += ARM * x[at + 3 + c];
                 }
             }
         }
@@ -221,17 +252,24 @@ impl TwoWay<'_> {
 
     /// The load of the thigh at a step for tensions `f`.
     fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, CommandError> {
-        let way = self.drive.frames.len() - self.steps.len();
-        let mut frame = self.drive.frames[way + k].clone();
+        let mut frame = self.at_step(k).clone();
         for (m, muscle) in self.thigh.muscles.iter().enumerate() {
             let at = N * (k * self.thigh.muscles.len() + m);
             let tension: f64 = self.lines(m).iter().map(|&i| f[i]).sum();
-            let (shift, tissue) = (LENGTH * x[at], FORCE * x[at + 1]);
-            let control = self.plan.controls.iter().position(|c| *c == muscle.name);
-            let control = control.expect("the fibres of a muscle have its name for a control");
-            frame.load.controls[control] = self.units[m].drive_for(shift, tension - tissue);
+            let (shift, tissue, share) = (LENGTH * x[at], FORCE * x[at + 1], 1.0 + SHARE * x[at + 2]);
+            let control = self.control(&muscle.name);
+            frame.load.controls[control] = self.units[m].drive_for(shift, (tension - tissue) / share);
         }
         Ok(frame)
+    }
+
+    /// What a number of the capacity is.
+    fn name_of(&self, entry: usize) -> String {
+        let quantity =
+            ["length", "tissue", "share", "hip flexion", "hip adduction", "hip rotation", "knee flexion"];
+        let (muscle, step) = (entry / N % self.thigh.muscles.len(), entry / N / self.thigh.muscles.len());
+        let (muscle, step) = (&self.thigh.muscles[muscle].name, self.steps[step].name.name());
+        format!("{step} {muscle} {}", quantity[entry % N])
     }
 
     fn pass(
@@ -240,7 +278,8 @@ impl TwoWay<'_> {
         shared: &[DVector<f64>],
         seen: &[Vec<MuscleAction>],
     ) -> Result<Pass, CommandError> {
-        let mut pass = Pass { change, missing: Vec::new(), wanted: Vec::new(), found: Vec::new() };
+        let mut pass =
+            Pass { change, changed_most: None, missing: Vec::new(), wanted: Vec::new(), found: Vec::new() };
         for (k, step) in self.steps.iter().enumerate() {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
             let mut others = shared[k].clone();
@@ -275,7 +314,7 @@ fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Frame, CommandEr
 
 /// `passes.csv`: a row per pass.
 pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> io::Result<()> {
-    write!(w, "pass,capacity_change,largest_missing_Nm,mean_difference_N")?;
+    write!(w, "pass,capacity_change,changed_most,largest_missing_Nm,mean_difference_N")?;
     for step in steps {
         for c in ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"] {
             write!(w, ",{}_{c}_missing_Nm", step.name.name())?;
@@ -287,7 +326,8 @@ pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> 
         let pairs = pass.wanted.iter().flatten().zip(pass.found.iter().flatten());
         let n = pass.found.iter().flatten().count().max(1) as f64;
         let mean = pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / n;
-        write!(w, "{},{change},{:.5},{mean:.4}", k + 1, pass.largest_missing())?;
+        let most = pass.changed_most.as_deref().unwrap_or("");
+        write!(w, "{},{change},{most},{:.5},{mean:.4}", k + 1, pass.largest_missing())?;
         for v in pass.missing.iter().flatten() {
             write!(w, ",{v:.5}")?;
         }
