@@ -1,8 +1,8 @@
 //! Two-way coupling: the deformable muscles tell force sharing what they can do, force sharing tells them how hard to pull, until what
 //! they can do no longer changes.
 //!
-//! Per step and muscle the capacity is: by how much its lever arms differ from those of its lines, the length of its fibres, the force
-//! of its matrix and shell, and how much of the tension of its fibres comes through the belly. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
+//! Per step and muscle the capacity is: its lever arms, which all its lines then have, the length of its fibres, the force of its matrix
+//! and shell, and how much of the tension of its fibres comes through the belly. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
 //! at that length) and the isometric activation that makes a tension. Agreement of the two models is a result, never the stopping rule.
 
 #![allow(non_snake_case)]
@@ -104,8 +104,7 @@ impl TwoWay<'_> {
         }
         let mut fixed_point = FixedPoint::new(scheme);
         let drives: Vec<Vec<f64>> = (0..self.steps.len()).map(|k| self.drives(self.at_step(k))).collect();
-        let nothing = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
-        let mut x = self.capacity(&seen, &nothing, &shared, &drives)?;
+        let mut x = self.capacity(&seen, &self.nominal()?, &drives);
         let mut sessions: Vec<Session> = Vec::new();
         for (k, _) in self.steps.iter().enumerate() {
             let mut session = Session::new(self.plan, self.settings, None);
@@ -126,7 +125,7 @@ impl TwoWay<'_> {
                 seen.push(actions(self.plan, self.thigh, solved.snapshot(), &twists[k]));
                 shared.push(f);
             }
-            let image = self.capacity(&seen, &x, &shared, &drives)?;
+            let image = self.capacity(&seen, &x, &drives);
             let change = (&image - &x).norm() / image.norm();
             let mut pass = self.pass(Some(change), &shared, &seen)?;
             pass.changed_most = Some(self.name_of((&image - &x).iamax()));
@@ -186,12 +185,10 @@ impl TwoWay<'_> {
         &self,
         seen: &[Vec<MuscleAction>],
         before: &DVector<f64>,
-        shared: &[DVector<f64>],
         drives: &[Vec<f64>],
-    ) -> Result<DVector<f64>, CommandError> {
+    ) -> DVector<f64> {
         let mut x = before.clone();
-        for (k, step) in self.steps.iter().enumerate() {
-            let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+        for k in 0..self.steps.len() {
             for (m, action) in seen[k].iter().enumerate() {
                 let at = N * (k * self.thigh.muscles.len() + m);
                 x[at] = self.shift(m, action.stretch) / LENGTH;
@@ -200,15 +197,27 @@ impl TwoWay<'_> {
                 if tension >= LEAST_TENSION {
                     x[at + 2] = ((action.force - action.tissue) / tension - 1.0) / SHARE;
                 }
+                if let Some(arms) = action.lever_arms() {
+                    (0..MOVED).for_each(|c| x[at + 3 + c] = arms[c] / ARM);
+                }
+            }
+        }
+        x
+    }
+
+    /// Capacity before anything is seen: of the lever arms the mean over the lines, each with its strength.
+    fn nominal(&self) -> Result<DVector<f64>, CommandError> {
+        let mut x = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
+        for (k, step) in self.steps.iter().enumerate() {
+            let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+            for m in 0..self.thigh.muscles.len() {
                 let lines = self.lines(m);
-                let tension: f64 = lines.iter().map(|&i| shared[k][i]).sum();
-                if let (Some(arms), true) = (action.lever_arms(), tension > 0.0) {
-                    for c in 0..MOVED {
-                        let of_lines: f64 =
-                            lines.iter().map(|&i| reduced.lever_arms[(c, i)] * shared[k][i]).sum::<f64>()
-                                / tension;
-                        x[at + 3 + c] = (arms[c] - of_lines) / ARM;
-                    }
+                let f_max = |i: &usize| self.done.model.muscles[*i].f_max;
+                let strength: f64 = lines.iter().map(f_max).sum();
+                for c in 0..MOVED {
+                    let arm = |i: &usize| f_max(i) * reduced.lever_arms[(c, *i)];
+                    x[N * (k * self.thigh.muscles.len() + m) + 3 + c] =
+                        lines.iter().map(arm).sum::<f64>() / (strength * ARM);
                 }
             }
         }
@@ -234,7 +243,7 @@ impl TwoWay<'_> {
                 problem.lower_f[i] = part * least;
                 problem.upper_f[i] = part * most.max(least + 1.0);
                 for c in 0..MOVED {
-                    problem.R[(c, i)] += ARM * x[at + 3 + c];
+                    problem.R[(c, i)] = ARM * x[at + 3 + c];
                 }
             }
         }
