@@ -219,7 +219,7 @@ pub(super) fn carry_out(
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
     let mut shortcomings = report.shortcomings();
     if let (Some(passes), Some((_, most))) = (&passes, two_way)
-        && let (true, Some(change)) = (passes.len() == most, passes[most - 1].change)
+        && let (true, Some(change)) = (passes.len() == most, passes.last().and_then(|p| p.change))
         && change >= TOLERANCE
     {
         shortcomings
