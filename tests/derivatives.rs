@@ -8,6 +8,7 @@
 use fem::effect::chain::{Chain, Chains};
 use fem::effect::{DeadLoad, Effect, Lines, Membrane, NO_NODE, Pressure, Solid, State};
 use fem::effect::{line::Segment, solid::Uniform};
+use fem::element::principal::lift_isotropic;
 use fem::element::{Formulation, shape};
 use fem::material::force_length::ForceLength;
 use fem::material::line::{FibreStrain, HillFibre, LineLaw, Strand, ThermalFibre};
@@ -359,7 +360,7 @@ fn dense(effect: &dyn Effect, s: &State) -> (Vec<f64>, Vec<f64>) {
     for (group, nodes) in effect.nodes().chunks(m).enumerate() {
         let (mut fe, mut ke) = (vec![0.0; 3 * m], vec![0.0; 9 * m * m]);
         effect.forces(s, group, &mut fe);
-        effect.stiffness(s, false, group, &mut ke);
+        effect.stiffness(s, 0.0, group, &mut ke);
         let dof = |r: usize| (nodes[r / 3] != NO_NODE).then(|| 3 * nodes[r / 3] as usize + r % 3);
         for r in 0..3 * m {
             let Some(row) = dof(r) else { continue };
@@ -431,7 +432,7 @@ fn gradient_and_hessian_of_an_island_are_derivatives() {
         g
     };
     let mut k = BlockMatrix::zeros(potential.pattern().clone());
-    potential.hessian(&x, false, &mut k);
+    potential.hessian(&x, 0.0, &mut k);
     for _ in 0..10 {
         let (dx, dy) = (direction(), direction());
         let at = |h: f64| -> Vec<f64> { x.iter().zip(&dx).map(|(x, d)| x + h * d).collect() };
@@ -455,7 +456,7 @@ fn clamped_matrix_is_the_nearest_semidefinite_one() {
         // A shift takes them from positive definite, where nothing may change, to negative definite.
         let A = (B + B.transpose()) * 1e4 + Matrix9::identity() * (600.0 * (100.0 - f64::from(sample)));
         let mut plus = A.data.0;
-        changed += usize::from(fem::element::psd::clamp(&mut plus));
+        changed += usize::from(fem::element::psd::lift(&mut plus, 1.0));
         let plus = Matrix9::from_array_storage(nalgebra::ArrayStorage(plus));
         let rest = plus - A;
         let scale = A.norm();
@@ -464,4 +465,42 @@ fn clamped_matrix_is_the_nearest_semidefinite_one() {
         assert!((plus * rest).norm() < 1e-10 * scale * scale, "sample {sample}");
     }
     assert!((100..200).contains(&changed), "{changed} of 200 were changed");
+}
+
+/// In principal directions the nearest semidefinite tangent of an isotropic law is the same as on all ten components of (F, θ),
+/// compressed or stretched, with two or three equal stretches too.
+#[test]
+fn isotropic_tangents_are_lifted_in_principal_directions() {
+    let mut random = Random::new(31);
+    let laws = [
+        fem::material::Law::MooneyRivlinDyna(MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 }),
+        fem::material::Law::NeoHookean(NeoHookean::from_young(30e3, 0.3)),
+        fem::material::Law::StVenantKirchhoff(StVenantKirchhoff::from_young(30e3, 0.3)),
+    ];
+    let mut changed = 0;
+    for sample in 0..300 {
+        let stretch = [1.0, 0.6, 1.7, 0.9][sample % 4];
+        let noise = [0.0, 1e-9, 1e-3, 0.2][sample / 4 % 4];
+        let F = Matrix3::identity() * stretch + Matrix3::from_fn(|_, _| noise * random.uniform());
+        let law = laws[sample % 3];
+        let mut m = law.mixed_tangent(&F, F.determinant() * (1.0 + 0.1 * random.uniform()));
+        add_det_hessian(&mut m.A, &F, 2e4 * random.uniform());
+        let mut full = [[0.0; 10]; 10];
+        for c in 0..9 {
+            full[c][..9].copy_from_slice(&m.A.data.0[c]);
+            (full[c][9], full[9][c]) = (m.P_theta[c], m.P_theta[c]);
+        }
+        full[9][9] = m.p_theta;
+        let scale = full.as_flattened().iter().fold(0.0_f64, |s, v| s.max(v.abs()));
+        let share = [1.0, 0.25][sample % 2];
+        changed += usize::from(fem::element::psd::lift(&mut full, share));
+        assert!(lift_isotropic(&F, &mut m.A, &mut m.P_theta, &mut m.p_theta, share));
+        for c in 0..9 {
+            let away = (0..9).map(|r| (full[c][r] - m.A.data.0[c][r]).abs()).fold(0.0, f64::max);
+            assert!(away < 1e-9 * scale, "sample {sample}: {away} of {scale}");
+            assert!((full[c][9] - m.P_theta[c]).abs() < 1e-9 * scale, "sample {sample}");
+        }
+        assert!((full[9][9] - m.p_theta).abs() < 1e-9 * scale, "sample {sample}");
+    }
+    assert!(changed > 150, "only {changed} of 300 were indefinite");
 }

@@ -144,13 +144,13 @@ impl Potential for Lattice {
         });
     }
 
-    fn hessian(&self, x: &[f64], projected: bool, k: &mut BlockMatrix) {
+    fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix) {
         k.clear();
         k.add_groups(&self.slots, 16, |first, out| {
             for (s, out) in out.chunks_exact_mut(36).enumerate() {
                 let (e, n, _) = self.spring(x, first + s);
                 let across = if self.linear { 0.0 } else { STIFFNESS * e / (e + self.length[first + s]) };
-                let across = if projected { across.max(0.0) } else { across };
+                let across = across - convexity * across.min(0.0);
                 for i in 0..6 {
                     for j in 0..6 {
                         let (p, q) = (i % 3, j % 3);
@@ -226,7 +226,7 @@ fn assembled_matrix_is_the_sum_of_its_springs() {
     let lattice = Lattice::new([3, 4, 3], |p| p[2] == 0.0, |_| false, no_motion);
     let x: Vec<f64> = lattice.start().iter().enumerate().map(|(i, x)| x + 0.1 * (i as f64).sin()).collect();
     let mut k = BlockMatrix::zeros(lattice.pattern.clone());
-    lattice.hessian(&x, false, &mut k);
+    lattice.hessian(&x, 0.0, &mut k);
     let k = dense(&k);
     let h = 1e-6;
     let (mut high, mut low) = (vec![0.0; x.len()], vec![0.0; x.len()]);
@@ -248,7 +248,7 @@ fn factor_solves_like_a_dense_one() {
     let lattice = Lattice::new([5, 6, 7], |p| p[2] == 0.0, |_| false, no_motion);
     let x = lattice.start();
     let mut k = BlockMatrix::zeros(lattice.pattern.clone());
-    lattice.hessian(&x, false, &mut k);
+    lattice.hessian(&x, 0.0, &mut k);
     let b: Vec<f64> = (0..x.len()).map(|i| (i as f64).cos()).collect();
     let exact = dense(&k).cholesky().unwrap().solve(&DVector::from_column_slice(&b));
     let analysis = Arc::new(Analysis::new(&lattice.pattern, &x));
@@ -276,7 +276,7 @@ fn a_negative_direction_anywhere_is_found() {
     let analysis = Arc::new(Analysis::new(&lattice.pattern, &x));
     for node in [0, 17, 40] {
         let mut k = BlockMatrix::zeros(lattice.pattern.clone());
-        lattice.hessian(&x, false, &mut k);
+        lattice.hessian(&x, 0.0, &mut k);
         assert!(Cholesky::<f64>::new(analysis.clone()).factorize(&k).is_ok());
         let mut minus = [0.0; 9];
         minus[4] = -1e4 * STIFFNESS;
@@ -320,11 +320,11 @@ fn indefinite_start_finds_a_minimum() {
         .flat_map(|p| [0.6 * p[0], 0.6 * p[1] + 0.01 * p[0], 0.6 * p[2]])
         .collect();
     let mut k = BlockMatrix::zeros(lattice.pattern.clone());
-    lattice.hessian(&x, false, &mut k);
+    lattice.hessian(&x, 0.0, &mut k);
     assert!(dense(&k).symmetric_eigenvalues().min() < 0.0, "the start is meant to be indefinite");
     let mut log = Vec::new();
     Solver::new("lattice", Settings::default()).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
-    lattice.hessian(&x, false, &mut k);
+    lattice.hessian(&x, 0.0, &mut k);
     assert!(dense(&k).symmetric_eigenvalues().min() > 0.0);
     assert!(log.iter().any(|r| r.projected));
     let rest = lattice.start();
@@ -440,7 +440,7 @@ fn buckled_column_is_left_for_a_stable_one() {
     let advance = solver.advance(&mut column, &mut x, 0, &mut Vec::new()).unwrap();
     assert!(!advance.indefinite_at.is_empty(), "the instability is reported");
     let mut k = BlockMatrix::zeros(column.pattern.clone());
-    column.hessian(&x, false, &mut k);
+    column.hessian(&x, 0.0, &mut k);
     let least = dense(&k).symmetric_eigenvalues().min();
     assert!(least > 0.0, "the equilibrium reported is stable, least eigenvalue {least:.1e}");
     let sideways = x.chunks_exact(3).map(|p| (p[0] - 0.5).abs().max((p[1] - 0.5).abs())).fold(0.0, f64::max);

@@ -48,7 +48,7 @@ fn the_contact_potential_of_two_surfaces_has_exact_derivatives() {
         let h = 1e-7;
         worst = worst.min(taylor_order(|h| contact.energy(&at(h)), dot(&gradient(&x), &direction), h));
         let mut product = vec![0.0; n];
-        for ([i, j], block) in contact.hessian(&x, false) {
+        for ([i, j], block) in contact.hessian(&x, 0.0) {
             for e in 0..9 {
                 product[3 * i as usize + e / 3] += block[e] * direction[3 * j as usize + e % 3];
             }

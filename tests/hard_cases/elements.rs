@@ -337,7 +337,7 @@ fn zero_modes() -> Outcome {
             let solid = Solid::new("hex", Uniform(law), formulation, &shape::hex8(), &X, nodes)
                 .map_err(|(_, det)| format!("det {det}"))?;
             let mut k = vec![0.0; 576];
-            solid.stiffness(&State { x: X.as_flattened(), controls: &[] }, false, 0, &mut k);
+            solid.stiffness(&State { x: X.as_flattened(), controls: &[] }, 0.0, 0, &mut k);
             let mut values: Vec<f64> =
                 DMatrix::from_row_slice(24, 24, &k).symmetric_eigenvalues().iter().copied().collect();
             values.sort_by(f64::total_cmp);

@@ -8,23 +8,26 @@
 use super::closest::{Points, edge_edge, point_triangle};
 use nalgebra::Vector3;
 
-/// Share of the distance that is left at least.
-pub const KEPT: f64 = 0.1;
+/// Of a distance a tenth is left at least.
+pub fn tenth(first: f64) -> f64 {
+    0.1 * first
+}
 /// Share of the safe motion that is taken at once.
 const TAKEN: f64 = 0.9;
 /// Rounds after which the share reached so far is the answer.
 const MAX_ROUNDS: usize = 1000;
 
-/// Greatest share 0..=1 of the way `to` − `from` that point 0 and triangle (1, 2, 3) may go.
-pub fn point_triangle_share(from: &Points, to: &Points) -> f64 {
+/// Greatest share 0..=1 of the way `to` − `from` that point 0 and triangle (1, 2, 3) may go, so that a distance of `kept(first)` is left
+/// of the first one, which is less.
+pub fn point_triangle_share(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| point_triangle(x).squared().sqrt();
-    share(from, to, distance, |step| step[0].norm() + largest(&step[1..]))
+    share(from, to, kept, distance, |step| step[0].norm() + largest(&step[1..]))
 }
 
-/// Greatest share 0..=1 of the way `to` − `from` that edges (0, 1) and (2, 3) may go.
-pub fn edge_edge_share(from: &Points, to: &Points) -> f64 {
+/// The same of edges (0, 1) and (2, 3).
+pub fn edge_edge_share(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| edge_edge(x).squared().sqrt();
-    share(from, to, distance, |step| largest(&step[..2]) + largest(&step[2..]))
+    share(from, to, kept, distance, |step| largest(&step[..2]) + largest(&step[2..]))
 }
 
 fn largest(steps: &[Vector3<f64>]) -> f64 {
@@ -34,6 +37,7 @@ fn largest(steps: &[Vector3<f64>]) -> f64 {
 fn share(
     from: &Points,
     to: &Points,
+    kept: impl Fn(f64) -> f64,
     distance: impl Fn(&Points) -> f64,
     closing: impl Fn(&Points) -> f64,
 ) -> f64 {
@@ -42,7 +46,7 @@ fn share(
     step.iter_mut().for_each(|s| *s -= mean);
     let fastest = closing(&step);
     let first = distance(from);
-    let kept = KEPT * first;
+    let kept = kept(first);
     if fastest <= TAKEN * (first - kept) {
         return 1.0;
     }

@@ -26,10 +26,11 @@ impl Contact {
     /// Contact of every pair of surfaces that are within reach of each other, with the nodes at `x`; moments about `about` \[m\].
     pub fn pair_forces(&self, x: &[f64], about: [f64; 3]) -> Vec<PairForce> {
         let all = &self.surfaces;
-        let (p, stencils) = self.stencils(x);
+        let terms = self.terms(x);
+        let (p, stencils) = (&terms.p, &terms.stencils);
         let mut pairs = BTreeMap::<[usize; 2], PairForce>::new();
         let mut pressures = BTreeMap::<(u32, usize), f64>::new();
-        for stencil in &stencils {
+        for stencil in stencils {
             let points = stencil.points;
             let edges = stencil.edges > 0.0;
             let other = if edges { points[2] } else { points[1] };

@@ -17,6 +17,7 @@
 #![allow(non_snake_case)]
 
 pub mod barrier;
+mod admit;
 mod candidates;
 pub mod ccd;
 pub mod closest;
@@ -25,7 +26,7 @@ mod penalty;
 mod start;
 pub mod stencil;
 pub mod surface;
-mod tree;
+pub(crate) mod tree;
 
 pub use measure::PairForce;
 pub use start::Overlap;
@@ -85,6 +86,18 @@ pub struct Contact {
     edge_reach: Vec<f64>,
     largest_reach: f64,
     cache: Mutex<Arc<Candidates>>,
+    /// The terms at the positions asked for last: energy, gradient and Hessian of one state are asked for one after the other.
+    last: Mutex<Arc<Terms>>,
+}
+
+/// The terms of the potential at some positions.
+#[derive(Debug, Default)]
+struct Terms {
+    /// Positions of the local nodes \[m\].
+    x: Vec<f64>,
+    /// Positions of the collision points \[m\].
+    p: Vec<Vector3<f64>>,
+    stencils: Vec<Stencil>,
 }
 
 impl Contact {
@@ -124,6 +137,7 @@ impl Contact {
             surfaces,
             partners,
             cache: Mutex::default(),
+            last: Mutex::default(),
         };
         if contact.mode == Mode::Guarded {
             contact.fit_reach(X);
@@ -175,25 +189,37 @@ impl Contact {
     }
 
     /// Terms of the potential at positions `x` \[m\] of the local nodes.
-    pub fn stencils(&self, x: &[f64]) -> (Vec<Vector3<f64>>, Vec<Stencil>) {
-        let p = self.surfaces.positions(x);
-        if self.mode == Mode::Cheap {
-            let springs = self.springs(&p);
-            return (p, springs);
+    fn terms(&self, x: &[f64]) -> Arc<Terms> {
+        let held = || self.last.lock().expect("no thread panics while it holds the terms");
+        let last = held().clone();
+        if last.x == x {
+            return last;
         }
-        let near = self.candidates(&p);
+        let p = self.surfaces.positions(x);
+        let stencils = match self.mode {
+            Mode::Guarded => self.barriers(&p),
+            Mode::Cheap => self.springs(&p),
+        };
+        let terms = Arc::new(Terms { x: x.to_vec(), p, stencils });
+        *held() = terms.clone();
+        terms
+    }
+
+    /// Barriers of the guarded mode with the collision points at `p`.
+    fn barriers(&self, p: &[Vector3<f64>]) -> Vec<Stencil> {
+        let near = self.candidates(p);
         let of_samples: Vec<&[[u32; 2]]> = near.point_triangle.chunk_by(|a, b| a[0] == b[0]).collect();
         let samples = of_samples.par_chunks(128).map(|chunk| {
             let mut out = Vec::new();
-            chunk.iter().for_each(|list| self.sample_stencils(list, &p, &mut out));
+            chunk.iter().for_each(|list| self.sample_stencils(list, p, &mut out));
             out
         });
         let edges = near
             .edge_edge
             .par_chunks(512)
-            .map(|chunk| chunk.iter().filter_map(|&[e, f]| self.edge_stencil(e, f, &p)).collect::<Vec<_>>());
+            .map(|chunk| chunk.iter().filter_map(|&[e, f]| self.edge_stencil(e, f, p)).collect::<Vec<_>>());
         let all: Vec<Vec<Stencil>> = samples.chain(edges).collect();
-        (p, all.concat())
+        all.concat()
     }
 
     /// Terms of one sample: triangles within reach, less the edges they share, plus the corners.
@@ -291,7 +317,8 @@ impl Contact {
 
     /// Π \[J\].
     pub fn energy(&self, x: &[f64]) -> f64 {
-        let (p, stencils) = self.stencils(x);
+        let terms = self.terms(x);
+        let (p, stencils) = (&terms.p, &terms.stencils);
         let energies: Vec<f64> = stencils
             .par_iter()
             .with_min_len(512)
@@ -302,7 +329,8 @@ impl Contact {
 
     /// Adds ∂Π/∂x \[N\] over the local nodes.
     pub fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
-        let (p, stencils) = self.stencils(x);
+        let terms = self.terms(x);
+        let (p, stencils) = (&terms.p, &terms.stencils);
         let forces: Vec<[Vector3<f64>; 4]> = stencils
             .par_iter()
             .with_min_len(512)
@@ -319,17 +347,16 @@ impl Contact {
         }
     }
 
-    /// ∂²Π/∂x∂x \[N/m\] as blocks between local nodes, both triangles, ascending by (row, column).
-    pub fn hessian(&self, x: &[f64], projected: bool) -> Vec<([u32; 2], [f64; 9])> {
-        let (p, stencils) = self.stencils(x);
+    /// ∂²Π/∂x∂x \[N/m\], less the share `convexity` of the negative curvatures of every term, as blocks between local nodes, both triangles, ascending by (row, column).
+    pub fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
+        let terms = self.terms(x);
+        let (p, stencils) = (&terms.p, &terms.stencils);
         let matrices: Vec<Matrix12> = stencils
             .par_iter()
             .with_min_len(64)
             .map(|s| {
                 let mut H = s.hessian(&s.points.map(|i| p[i as usize]));
-                if projected {
-                    crate::element::psd::clamp(&mut H);
-                }
+                crate::element::psd::lift(&mut H, convexity);
                 H
             })
             .collect();
@@ -406,11 +433,13 @@ impl Contact {
     fn straight_share(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {
         let near = self.candidates_between(from, to);
         let triangles = near.point_triangle.par_iter().with_min_len(512).map(|&[s, t]| {
-            ccd::point_triangle_share(&self.triangle_points(s, t, from), &self.triangle_points(s, t, to))
+            let [from, to] = [from, to].map(|p| self.triangle_points(s, t, p));
+            ccd::point_triangle_share(&from, &to, ccd::tenth)
         });
         let edges =
             near.edge_edge.par_iter().with_min_len(512).map(|&[e, f]| {
-                ccd::edge_edge_share(&self.edge_points(e, f, from), &self.edge_points(e, f, to))
+                let [from, to] = [from, to].map(|p| self.edge_points(e, f, p));
+                ccd::edge_edge_share(&from, &to, ccd::tenth)
             });
         triangles.chain(edges).reduce(|| 1.0, f64::min)
     }

@@ -232,8 +232,7 @@ impl Contact {
 
     /// Least distance \[m\] of any pair within reach; the activation distance where there is none.
     pub fn least_distance(&self, x: &[f64]) -> f64 {
-        let (_, stencils) = self.stencils(x);
-        stencils.iter().map(|s| s.distance()).fold(self.largest_reach, f64::min)
+        self.terms(x).stencils.iter().map(|s| s.distance()).fold(self.largest_reach, f64::min)
     }
 }
 

@@ -120,8 +120,8 @@ impl<const M: usize> Effect for Lines<M> {
         }
     }
 
-    /// (k_axial n⊗n + N/l (I − n⊗n)) w_a w_b; projected: without negative k_axial or N.
-    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]) {
+    /// (k_axial n⊗n + N/l (I − n⊗n)) w_a w_b; less the share `convexity` of negative k_axial and N.
+    fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]) {
         let a = self.activation(s);
         for (e, out) in (first..).zip(out.chunks_exact_mut(9 * M * M)) {
             let (d, l) = self.span(e, s.x);
@@ -132,9 +132,8 @@ impl<const M: usize> Effect for Lines<M> {
             }
             let r = self.laws[e].response(lambda, a);
             let (mut axial, mut lateral) = (r.stiffness / self.lengths[e], r.force / l);
-            if projected {
-                (axial, lateral) = (axial.max(0.0), lateral.max(0.0));
-            }
+            axial -= convexity * axial.min(0.0);
+            lateral -= convexity * lateral.min(0.0);
             let n = d.map(|d| d / l);
             let w = &self.weights[e];
             for p in 0..M {

@@ -60,7 +60,7 @@ impl Effect for DeadLoad {
         }
     }
 
-    fn stiffness(&self, _: &State, _: bool, _: usize, out: &mut [f64]) {
+    fn stiffness(&self, _: &State, _: f64, _: usize, out: &mut [f64]) {
         out.fill(0.0);
     }
 

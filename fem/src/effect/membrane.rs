@@ -4,7 +4,7 @@
 //! Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., §9.7 (membranes).
 
 use super::{Effect, Groups, Part, State, mean, point};
-use crate::element::psd::clamp;
+use crate::element::psd::lift;
 use crate::element::shape::Rule;
 use crate::material::membrane::MembraneLaw;
 use nalgebra::{Matrix3x2, Vector3};
@@ -126,7 +126,7 @@ impl<const N: usize, const G: usize> Effect for Membrane<N, G> {
     }
 
     /// ∂²i₂/∂F²: dF = 2 dF cof C + 4 (F:dF) F − 2 F dFᵀ F − 2 FFᵀ dF, with 4 F⊗F and the products of gradients.
-    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]) {
+    fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]) {
         for (c, out) in (first..).zip(out.chunks_exact_mut(9 * N * N)) {
             out.fill(0.0);
             for g in 0..G {
@@ -157,9 +157,7 @@ impl<const N: usize, const G: usize> Effect for Membrane<N, G> {
                         A[r][q] = v;
                     }
                 }
-                if projected {
-                    clamp(&mut A);
-                }
+                lift(&mut A, convexity);
                 let w = self.w[c][g];
                 for (a, da) in self.dn[c][g].iter().enumerate() {
                     for (b, db) in self.dn[c][g].iter().enumerate() {

@@ -130,9 +130,9 @@ pub trait Effect: Send + Sync {
     fn energy(&self, s: &State) -> f64;
     /// Overwrites `out` with ∂Π/∂x \[N\] of groups `first`, `first + 1`, …: 3m values each.
     fn forces(&self, s: &State, first: usize, out: &mut [f64]);
-    /// Overwrites `out` with ∂²Π/∂x∂x \[N/m\] of groups `first`, `first + 1`, …: 3m × 3m row-major each; `projected`:
-    /// positive semidefinite.
-    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]);
+    /// Overwrites `out` with ∂²Π/∂x∂x \[N/m\] of groups `first`, `first + 1`, …: 3m × 3m row-major each,
+    /// less the share `convexity` of the negative curvatures of every term: the true one with 0, positive semidefinite with 1.
+    fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]);
     /// Whether the Hessian vanishes for good (dead loads), so that it need not be assembled.
     fn is_linear(&self) -> bool {
         false

@@ -82,13 +82,10 @@ impl Effect for Pressure {
         }
     }
 
-    /// Indefinite by nature: `projected` leaves it out.
-    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]) {
+    /// Indefinite by nature: convexity fades it out.
+    fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]) {
         out.fill(0.0);
-        if projected {
-            return;
-        }
-        let p = s.controls[self.control] / 3.0;
+        let p = (1.0 - convexity) * s.controls[self.control] / 3.0;
         for (face, out) in (first..).zip(out.chunks_exact_mut(144)) {
             for g in 0..4 {
                 let [r, t1, t2] = self.frame(face, g, s.x).map(|v: Vector3<f64>| v.cross_matrix());

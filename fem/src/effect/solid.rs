@@ -108,10 +108,10 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         }
     }
 
-    fn stiffness(&self, s: &State, projected: bool, first: usize, out: &mut [f64]) {
+    fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]) {
         for (c, out) in (first..).zip(out.chunks_exact_mut(9 * N * N)) {
             let law = self.field.law(c, s);
-            self.elements[c].hessian(self.formulation, &law, &self.positions(c, s), projected, out);
+            self.elements[c].hessian(self.formulation, &law, &self.positions(c, s), convexity, out);
             if !self.scale.is_empty() {
                 out.iter_mut().for_each(|k| *k *= self.scale[c]);
             }

@@ -8,7 +8,8 @@
 //! Simo, Taylor & Pister, Comput Methods Appl Mech Eng 1985;51:177.
 
 use crate::element::Rule;
-use crate::element::psd::clamp;
+use crate::element::principal::lift_isotropic;
+use crate::element::psd::lift;
 use crate::material::{Material, Matrix3, Matrix9, add_det_hessian, cofactor};
 
 /// How the volume change enters an element.
@@ -138,14 +139,14 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
         sum / (theta * self.volume)
     }
 
-    /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\]; `projected` makes it positive semidefinite, point by
-    /// point.
+    /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\], less the share `convexity` of its negative
+    /// curvatures, point by point.
     pub fn hessian<L: Material>(
         &self,
         formulation: Formulation,
         law: &L,
         x: &[[f64; 3]; N],
-        projected: bool,
+        convexity: f64,
         out: &mut [f64],
     ) {
         let k = &mut [[[0.0; 9]; N]; N];
@@ -153,13 +154,14 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
             Formulation::Plain => {
                 for g in 0..G {
                     let mut A = law.tangent(&self.deformation_gradient(g, x));
-                    if projected {
-                        project(&mut A);
+                    if convexity > 0.0 {
+                        let (mut none, mut zero) = (Matrix3::zeros(), 0.0);
+                        project(law, &self.deformation_gradient(g, x), &mut A, &mut none, &mut zero, convexity);
                     }
                     accumulate(k, &A, self.w[g], &self.dn[g]);
                 }
             }
-            Formulation::MeanDilatation => self.mixed_hessian(law, x, projected, k),
+            Formulation::MeanDilatation => self.mixed_hessian(law, x, convexity, k),
         }
         for a in 0..N {
             for b in 0..=a {
@@ -176,7 +178,7 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
 
     /// Lower blocks of the stiffness of the mean-dilatation element:
     /// Σ w δF:(A + p̄ ∂²J):δF + 2 (Σ w P_θ:δF) δθ + (Σ w p_θ) δθ²,   δθ = Σ w cof F:δF / V,   p̄ = Σ w p / V.
-    fn mixed_hessian<L: Material>(&self, law: &L, x: &[[f64; 3]; N], projected: bool, k: &mut Stiffness<N>) {
+    fn mixed_hessian<L: Material>(&self, law: &L, x: &[[f64; 3]; N], convexity: f64, k: &mut Stiffness<N>) {
         let theta = self.dilatation(x);
         let F: [Matrix3; G] = std::array::from_fn(|g| self.deformation_gradient(g, x));
         let mut mixed: [_; G] = std::array::from_fn(|g| law.mixed_tangent(&F[g], theta));
@@ -185,8 +187,8 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
         for g in 0..G {
             let m = &mut mixed[g];
             add_det_hessian(&mut m.A, &F[g], p);
-            if projected {
-                project_with_theta(&mut m.A, &mut m.P_theta, &mut m.p_theta);
+            if convexity > 0.0 {
+                project(law, &F[g], &mut m.A, &mut m.P_theta, &mut m.p_theta, convexity);
             }
             accumulate(k, &m.A, self.w[g], &self.dn[g]);
             scatter(&mut d_theta, &(cofactor(&F[g]) * (self.w[g] / self.volume)), &self.dn[g]);
@@ -258,19 +260,16 @@ fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Matrix9, w: f64, d: &[[f
     }
 }
 
-/// [`clamp`] of a material tangent.
-pub fn project(A: &mut Matrix9) {
-    let mut m = A.data.0;
-    if clamp(&mut m) {
-        A.data.0 = m;
-    }
-}
-
-/// [`clamp`] of the 10×10 matrix over (F, θ).
-fn project_with_theta(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64) {
-    if P_theta.iter().all(|&v| v == 0.0) {
-        project(A);
-        *p_theta = p_theta.max(0.0);
+/// [`lift`] of the 10×10 matrix over (F, θ).
+fn project<L: Material>(
+    law: &L,
+    F: &Matrix3,
+    A: &mut Matrix9,
+    P_theta: &mut Matrix3,
+    p_theta: &mut f64,
+    share: f64,
+) {
+    if law.is_isotropic() && lift_isotropic(F, A, P_theta, p_theta, share) {
         return;
     }
     let mut m = [[0.0; 10]; 10];
@@ -280,7 +279,7 @@ fn project_with_theta(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64)
         m[9][c] = P_theta[c];
     }
     m[9][9] = *p_theta;
-    if clamp(&mut m) {
+    if lift(&mut m, share) {
         for c in 0..9 {
             A.data.0[c].copy_from_slice(&m[c][..9]);
             P_theta[c] = m[9][c];

@@ -3,6 +3,7 @@
 #![allow(non_snake_case)]
 
 pub mod kernel;
+pub mod principal;
 pub mod psd;
 pub mod shape;
 

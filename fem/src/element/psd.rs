@@ -3,13 +3,16 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{ArrayStorage, Const, DefaultAllocator, DimDiff, DimSub, SMatrix, SymmetricEigen, U1};
 
-/// Replaces a symmetric matrix by the nearest positive semidefinite one in the Frobenius norm: negative eigenvalues
-/// become zero. Returns whether there was anything to change.
-pub fn clamp<const D: usize>(A: &mut [[f64; D]; D]) -> bool
+/// Takes the share `share` off the negative eigenvalues of a symmetric matrix; with all of it off it becomes the nearest positive
+/// semidefinite one in the Frobenius norm. Returns whether there was anything to change.
+pub fn lift<const D: usize>(A: &mut [[f64; D]; D], share: f64) -> bool
 where
     Const<D>: DimSub<U1>,
     DefaultAllocator: Allocator<DimDiff<Const<D>, U1>>,
 {
+    if share == 0.0 {
+        return false;
+    }
     // Many matrices are fine, and a Cholesky attempt costs a small part of an eigendecomposition.
     let largest = A.as_flattened().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     if is_positive(A, 1e-10 * largest) {
@@ -25,7 +28,7 @@ where
         if value < 0.0 {
             for r in 0..D {
                 for c in 0..D {
-                    A[r][c] -= value * v[r] * v[c];
+                    A[r][c] -= share * value * v[r] * v[c];
                 }
             }
         }

@@ -30,6 +30,10 @@ fn invariants(F: &Matrix3) -> (f64, f64, f64, Matrix3) {
 }
 
 impl<L: Isotropic> Material for L {
+    fn is_isotropic(&self) -> bool {
+        true
+    }
+
     fn energy(&self, F: &Matrix3) -> f64 {
         let (I1, I2, J, _) = invariants(F);
         if !(L::DEFINED_WHEN_INVERTED || J > 0.0) {

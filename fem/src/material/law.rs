@@ -41,6 +41,9 @@ impl Material for Law {
     fn tangent(&self, F: &Matrix3) -> Matrix9 {
         each!(self, law => law.tangent(F))
     }
+    fn is_isotropic(&self) -> bool {
+        each!(self, law => law.is_isotropic())
+    }
     fn mixed_energy(&self, F: &Matrix3, theta: f64) -> f64 {
         each!(self, law => law.mixed_energy(F, theta))
     }

@@ -3,12 +3,13 @@
 //! Prescribed nodes are eliminated: they keep their place in the island but are no unknowns. Components that follow a
 //! master node (a rigid plane) are eliminated too, by moving their rows and columns onto the master's.
 
+use super::flow::Flow;
 use crate::body::{Pose, interpolate};
 use crate::contact::Contact;
 use crate::effect::{Effect, NO_NODE, Part, State};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// What one component of a node does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,6 +79,8 @@ pub struct Island {
     pub contact: Option<Contact>,
     /// Centre of the nodes tied to each body of the plan \[m\].
     pivots: Arc<Vec<[f64; 3]>>,
+    /// How bodies drag the free nodes along; found when first needed.
+    flow: OnceLock<Option<Flow>>,
     /// Local node of each free node.
     free_nodes: Vec<u32>,
     fixed: Vec<bool>,
@@ -151,6 +154,7 @@ impl Island {
             motion,
             contact: None,
             pivots,
+            flow: OnceLock::new(),
             free_nodes,
             fixed,
             pattern,
@@ -275,7 +279,7 @@ fn strain_force(effect: &dyn Effect, rest: &State) -> f64 {
     }
     let m = effect.nodes_per_group();
     let mut k = vec![0.0; 9 * m * m];
-    effect.stiffness(rest, false, 0, &mut k);
+    effect.stiffness(rest, 0.0, 0, &mut k);
     let place = |a: usize| match effect.nodes()[a] {
         NO_NODE => [0.0; 3],
         n => std::array::from_fn(|i| rest.x[3 * n as usize + i]),
@@ -397,7 +401,7 @@ impl Potential for LoadedIsland {
         }
     }
 
-    fn hessian(&self, x: &[f64], projected: bool, k: &mut BlockMatrix) {
+    fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix) {
         let island = &self.island;
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
@@ -405,7 +409,7 @@ impl Potential for LoadedIsland {
         for (effect, slots) in island.effects.iter().zip(&island.slots) {
             if !effect.is_linear() {
                 k.add_groups(slots, STIFFNESS_BATCH, |first, out| {
-                    effect.stiffness(&s, projected, first, out)
+                    effect.stiffness(&s, convexity, first, out)
                 });
             }
         }
@@ -416,7 +420,7 @@ impl Potential for LoadedIsland {
             }
             let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
             let mut small = vec![0.0; m * m];
-            effect.stiffness(&s, projected, t.group, &mut small);
+            effect.stiffness(&s, convexity, t.group, &mut small);
             let mut full = vec![0.0; n * n];
             for r in 0..m {
                 full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
@@ -439,7 +443,7 @@ impl Potential for LoadedIsland {
             }
         }
         if let Some(contact) = &island.contact {
-            k.couple(&island.onto_unknowns(contact.hessian(&x, projected)));
+            k.couple(&island.onto_unknowns(contact.hessian(&x, convexity)));
         }
     }
 
@@ -498,6 +502,17 @@ impl Potential for LoadedIsland {
         self.island.contact.as_ref().map_or(1.0, |contact| contact.share(from, &self.expand(x)))
     }
 
+    fn admit(&self, from: &[f64], x: &mut [f64]) -> bool {
+        let Some(contact) = &self.island.contact else { return false };
+        let motion = &self.island.motion;
+        let moves = |n: u32| motion[n as usize] == [Motion::Free; 3];
+        let Some(admitted) = contact.admit(from, &self.expand(x), &moves) else { return false };
+        for (&n, x) in self.island.free_nodes.iter().zip(x.chunks_exact_mut(3)) {
+            x.copy_from_slice(&admitted[3 * n as usize..3 * n as usize + 3]);
+        }
+        true
+    }
+
     fn node_name(&self, free_node: usize) -> String {
         let node = self.island.nodes[self.island.free_nodes[free_node] as usize];
         format!("node {node} of `{}`", self.island.name)
@@ -513,13 +528,39 @@ impl Island {
     }
 }
 
+impl LoadedIsland {
+    fn flow(&self) -> Option<&Flow> {
+        let island = &self.island;
+        island.flow.get_or_init(|| Flow::new(island, &island.free_nodes)).as_ref()
+    }
+
+    fn load_at(&self, t: f64) -> Load {
+        self.start.towards(&self.end, &self.island.pivots, t)
+    }
+}
+
 impl Loading for LoadedIsland {
     fn set_load(&mut self, t: f64, x: &mut [f64]) {
-        self.load = self.start.towards(&self.end, &self.island.pivots, t);
+        self.load = self.load_at(t);
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
         for (&n, p) in self.island.free_nodes.iter().zip(x.chunks_exact_mut(3)) {
             p.copy_from_slice(&full[3 * n as usize..3 * n as usize + 3]);
         }
+    }
+
+    fn n_pieces(&self, t: f64) -> usize {
+        match self.start.poses == self.end.poses {
+            true => 0,
+            false => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
+        }
+    }
+
+    fn carry(&mut self, t: f64, x: &mut [f64]) {
+        let to = self.load_at(t);
+        if let Some(flow) = self.flow() {
+            flow.carry(&self.load, &to, x);
+        }
+        self.set_load(t, x);
     }
 }

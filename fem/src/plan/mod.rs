@@ -6,7 +6,8 @@
 mod contact;
 mod embed;
 mod error;
-pub mod island;
+pub mod flow;
+mod island;
 mod lines;
 mod motion;
 mod solids;

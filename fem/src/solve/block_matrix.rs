@@ -418,21 +418,6 @@ impl BlockMatrix {
         }
     }
 
-    /// Moves the share `share` of the way to `other`, a matrix on the same pattern.
-    pub fn approach(&mut self, other: &BlockMatrix, share: f64) {
-        assert_eq!(self.cross.column, other.cross.column, "two matrices of one state");
-        for (to, other) in self.cross.blocks.iter_mut().zip(&other.cross.blocks) {
-            for (to, other) in to.iter_mut().zip(other) {
-                *to += share * (other - *to);
-            }
-        }
-        self.blocks.par_iter_mut().with_min_len(4096).zip(&other.blocks).for_each(|(to, other)| {
-            for (to, other) in to.iter_mut().zip(other) {
-                *to += share * (other - *to);
-            }
-        });
-    }
-
     /// Adds to every diagonal entry `share` of its size, at least `share` of a thousandth of the largest.
     pub fn shift(&mut self, share: f64) {
         let largest = (0..3 * self.pattern.n_nodes()).map(|i| self.diagonal(i).abs()).fold(0.0, f64::max);

@@ -4,14 +4,18 @@
 //! step that inverts nothing; from there Newton's method starts.
 
 use super::linear::norm;
-use super::newton::{FIRST_BLEND, Run, Taken};
+use super::newton::{Run, Taken};
 use super::{Loading, NotConverged, Reason};
 use std::time::Instant;
 
 /// While the load is carried over, least det F may fall to this share in one go.
 const DET_F_SHARE: f64 = 0.1;
+/// The same where the bodies drag the nodes along, which is a coarser guess.
+const CARRIED_DET_F_SHARE: f64 = 0.3;
 /// Shortest share of what is left of a load step that is carried over at once.
 const LEAST_CARRY: f64 = 1.0 / 256.0;
+/// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
+const ON_THE_WAY: f64 = 0.05;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
@@ -25,13 +29,17 @@ impl Run<'_> {
         t: f64,
         target: f64,
     ) -> Result<f64, Box<NotConverged>> {
-        self.definite = false;
-        self.blend = FIRST_BLEND;
+        self.convexity = 0.0;
         self.met_indefinite = false;
-        let target = self.carry_over(potential, x, t, target)?;
+        let reached = self.carry_over(potential, x, t, target)?;
+        if reached < target {
+            // On the way nobody asks for the equilibrium but the next piece of it, which starts from it.
+            self.newton(potential, x, reached, self.settings.tolerance.max(ON_THE_WAY))?;
+            return Ok(reached);
+        }
         let mut kicks = 0;
         loop {
-            self.newton(potential, x, target)?;
+            self.newton(potential, x, target, self.settings.tolerance)?;
             if self.met_indefinite && self.report.indefinite_at.last() != Some(&target) {
                 self.report.indefinite_at.push(target);
             }
@@ -56,6 +64,9 @@ impl Run<'_> {
     ) -> Result<f64, Box<NotConverged>> {
         let n = x.len();
         let first = t;
+        if let Some(reached) = self.carry_along(potential, x, t, target) {
+            return Ok(reached);
+        }
         let (mut g, mut ahead, mut moved) = (vec![0.0; n], vec![0.0; n], x.to_vec());
         let (mut dx, mut trial) = (vec![0.0; n], vec![0.0; n]);
         for iteration in 0..MAX_CARRIES {
@@ -94,6 +105,9 @@ impl Run<'_> {
                     trial[i] = x[i] + length * dx[i];
                 }
                 potential.set_load(load, &mut trial);
+                if !places.is_empty() {
+                    potential.admit(&places, &mut trial);
+                }
                 let admissible = potential.energy(&trial).is_finite()
                     && (det_before <= 0.0 || potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before);
                 let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
@@ -125,6 +139,51 @@ impl Run<'_> {
             return Ok(t);
         }
         Err(self.failure(potential, x, Reason::Inversion, MAX_CARRIES, &g))
+    }
+
+    /// Moves the load towards `target` and lets the potential carry the free nodes along, piece by piece, as far as nothing folds or
+    /// touches; returns the load reached. `None`: it has no guess, or its first piece fails already.
+    fn carry_along(
+        &self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        t: f64,
+        target: f64,
+    ) -> Option<f64> {
+        let n = potential.n_pieces(target);
+        if n == 0 {
+            return None;
+        }
+        let (det_before, _) = potential.least_det_f(x);
+        let mut reached = t;
+        let mut length = (target - t) / n as f64;
+        let mut trial = x.to_vec();
+        while reached < target {
+            let load = if reached + 1.5 * length > target { target } else { reached + length };
+            let places = potential.touching(x);
+            trial.copy_from_slice(x);
+            potential.carry(load, &mut trial);
+            if !places.is_empty() {
+                potential.admit(&places, &mut trial);
+            }
+            let (energy, det) = (potential.energy(&trial), potential.least_det_f(&trial));
+            let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
+            let admissible = energy.is_finite()
+                && (det_before <= 0.0 || det.0 >= CARRIED_DET_F_SHARE * det_before)
+                && free >= 1.0;
+            if admissible {
+                x.copy_from_slice(&trial);
+                reached = load;
+                continue;
+            }
+            potential.set_load(reached, x);
+            length /= 2.0;
+            if length < (target - t) / (8 * n) as f64 {
+                break;
+            }
+        }
+        tracing::debug!(island = %self.name, step = self.step, from = t, to = reached, target, "carried along");
+        (reached > t).then_some(reached)
     }
 
     /// Moves the load to `target` and nothing else, where that touches nothing: a part that only contact will hold has no

@@ -54,9 +54,9 @@ pub trait Potential: Send + Sync {
 
     /// K = ∂²Π/∂x² \[N/m\]; overwrites `k`, which has this potential's pattern. Needs finite energy.
     ///
-    /// `projected`: every term's own Hessian is replaced by its nearest positive semi-definite one, so that the sum
-    /// is positive semi-definite.
-    fn hessian(&self, x: &[f64], projected: bool, k: &mut BlockMatrix);
+    /// `convexity` 0..=1: every term's own Hessian loses that share of its negative curvatures; with 1 the sum is positive
+    /// semi-definite.
+    fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix);
 
     /// Norm \[N\] of the forces in play, the scale of the residual: reactions of the prescribed unknowns
     /// (fully and partly prescribed nodes), external and active forces.
@@ -76,6 +76,12 @@ pub trait Potential: Send + Sync {
         1.0
     }
 
+    /// Changes `x` where surfaces would touch on the straight way from the places `from`, so that nothing does, and leaves the rest
+    /// of the way as it is. Returns whether there was anything to change.
+    fn admit(&self, _from: &[f64], _x: &mut [f64]) -> bool {
+        false
+    }
+
     /// Name of a free node for messages, e.g. ``node 12 of `rectus_femoris` ``.
     fn node_name(&self, free_node: usize) -> String {
         format!("free node {free_node}")
@@ -89,4 +95,15 @@ pub trait Loading: Potential {
     /// Must be a smooth function of `t`: the solver differentiates the gradient with respect to it by a small
     /// step and predicts how the free nodes follow.
     fn set_load(&mut self, t: f64, x: &mut [f64]);
+
+    /// In how many pieces [`carry`](Loading::carry) should go from the present load to that at `t`; 0: it has no better guess
+    /// than to leave the free nodes where they are.
+    fn n_pieces(&self, _t: f64) -> usize {
+        0
+    }
+
+    /// Sets the load at `t` and moves the free nodes `x`, which belong to the present load, along as a guess.
+    fn carry(&mut self, t: f64, x: &mut [f64]) {
+        self.set_load(t, x);
+    }
 }

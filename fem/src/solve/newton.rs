@@ -7,9 +7,9 @@ use super::linear::{LinearReport, LinearSolver, dot, norm};
 use super::{Advance, BlockMatrix, Indefinite, Iteration, Loading, NotConverged, Reason, Settings};
 use std::time::Instant;
 
-/// Share of the projected Hessian tried first, and the least one.
-pub(super) const FIRST_BLEND: f64 = 0.25;
-const LEAST_BLEND: f64 = 1.0 / 256.0;
+/// Convexity tried first where the true Hessian is indefinite, and the least one.
+pub(super) const FIRST_CONVEXITY: f64 = 0.25;
+const LEAST_CONVEXITY: f64 = 1.0 / 256.0;
 
 /// One call of `advance`.
 pub(super) struct Run<'a> {
@@ -25,10 +25,9 @@ pub(super) struct Run<'a> {
     pub(super) supported: bool,
     /// Unknowns that are prescribed.
     pub(super) fixed: Vec<bool>,
-    /// The next Hessian is made definite without a try of the true one.
-    pub(super) definite: bool,
-    /// Share of the projected Hessian that made the last indefinite one definite.
-    pub(super) blend: f64,
+    /// Share of the negative curvatures that the next Hessian loses, see [`Potential::hessian`](super::Potential::hessian): a
+    /// quarter of what made the last one definite.
+    pub(super) convexity: f64,
     /// An indefinite Hessian was met in this load step.
     pub(super) met_indefinite: bool,
 }
@@ -42,12 +41,13 @@ pub(super) struct Taken {
 }
 
 impl Run<'_> {
-    /// Newton's method at a fixed load.
+    /// Newton's method at a fixed load, to a residual of `tolerance` relative to the forces in play.
     pub(super) fn newton(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
         load: f64,
+        tolerance: f64,
     ) -> Result<(), Box<NotConverged>> {
         let n = x.len();
         let (mut g, mut dx, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
@@ -61,7 +61,7 @@ impl Run<'_> {
             if !residual.is_finite() || !energy.is_finite() {
                 return Err(self.failure(potential, x, Reason::NotFinite, iteration, &g));
             }
-            let wanted = self.wanted(scale);
+            let wanted = tolerance * scale.max(self.settings.least_force);
             (self.report.residual, self.report.force_scale, self.report.energy) = (residual, scale, energy);
             if residual <= wanted || residual <= round_off(self.k, x) {
                 self.report.least_det_f = potential.least_det_f(x).0;
@@ -89,7 +89,7 @@ impl Run<'_> {
                     return Ok(());
                 }
                 Err(_) if !projected => {
-                    self.definite = true;
+                    self.convexity = FIRST_CONVEXITY;
                     self.met_indefinite = true;
                     self.linear.forget();
                     continue;
@@ -111,9 +111,9 @@ impl Run<'_> {
         Err(self.failure(potential, x, Reason::Iterations, self.settings.max_iterations, &g))
     }
 
-    /// Solves H Δx = rhs with the Hessian at `x`: as it is where it is positive definite; otherwise moved towards the
-    /// projected one, no farther than needed (projection alone is so stiff that it creeps along valleys and away from
-    /// saddles); at last with a multiple of its diagonal added. Returns whether H is not the true Hessian.
+    /// Solves H Δx = rhs with the Hessian at `x`: as it is where it is positive definite; otherwise with as much convexity as
+    /// that takes and no more (full convexity is so stiff that it creeps along valleys and away from saddles); at last with a
+    /// multiple of its diagonal added. Returns whether H is not the true Hessian.
     pub(super) fn direction(
         &mut self,
         potential: &dyn Loading,
@@ -128,32 +128,18 @@ impl Run<'_> {
             }
         }
         let mut total = LinearReport::default();
-        let start = Instant::now();
-        potential.hessian(x, false, self.k);
-        self.k.constrain(&self.fixed);
-        self.report.assembly_s += start.elapsed().as_secs_f64();
-        let (mut blend, mut shift) = (0.0_f64, 0.0);
-        let mut projected = None;
-        let mut definite = std::mem::take(&mut self.definite);
+        let (mut convexity, mut shift) = (self.convexity, 0.0);
         loop {
-            if definite && (projected.is_none() || blend < 1.0) {
-                let next = if projected.is_none() { self.blend } else { (4.0 * blend).min(1.0) };
-                let start = Instant::now();
-                let projected = projected.get_or_insert_with(|| {
-                    let mut p = BlockMatrix::zeros(self.k.pattern().clone());
-                    potential.hessian(x, true, &mut p);
-                    p.constrain(&self.fixed);
-                    p
-                });
-                self.k.approach(projected, (next - blend) / (1.0 - blend));
-                self.report.assembly_s += start.elapsed().as_secs_f64();
-                blend = next;
-            } else if definite {
-                shift = if shift == 0.0 { 1e-8 } else { 100.0 * shift };
-                self.k.shift(shift);
-            }
             let start = Instant::now();
-            let (report, outcome) = self.linear.solve(self.k, &rhs, dx, tolerance, blend == 1.0);
+            if shift > 0.0 {
+                self.k.shift(shift);
+            } else {
+                potential.hessian(x, convexity, self.k);
+                self.k.constrain(&self.fixed);
+            }
+            self.report.assembly_s += start.elapsed().as_secs_f64();
+            let start = Instant::now();
+            let (report, outcome) = self.linear.solve(self.k, &rhs, dx, tolerance, convexity == 1.0);
             self.report.linear_s += start.elapsed().as_secs_f64() - report.factorization_s;
             self.report.factorization_s += report.factorization_s;
             self.report.factorizations += report.factorizations;
@@ -163,16 +149,16 @@ impl Run<'_> {
             total.relative_residual = report.relative_residual;
             match outcome {
                 Ok(()) if dot(dx, &rhs) > 0.0 || norm(&rhs) == 0.0 => {
-                    if definite {
-                        self.blend = (blend / 4.0).max(LEAST_BLEND);
-                    }
-                    return Ok((total, definite));
+                    let next = convexity / 4.0;
+                    self.convexity = if next < LEAST_CONVEXITY { 0.0 } else { next };
+                    return Ok((total, convexity > 0.0));
                 }
-                _ if !definite => {
-                    definite = true;
+                _ if convexity == 0.0 => {
                     self.met_indefinite = true;
+                    convexity = FIRST_CONVEXITY;
                 }
-                _ if shift < 1.0 => {}
+                _ if convexity < 1.0 => convexity = (4.0 * convexity).min(1.0),
+                _ if shift < 1.0 => shift = if shift == 0.0 { 1e-8 } else { 100.0 * shift },
                 Ok(()) => return Err(self.failure(potential, x, Reason::NoDescent, 0, &rhs)),
                 Err(Indefinite { unknown }) => {
                     let node = potential.node_name(unknown / 3);
@@ -182,11 +168,6 @@ impl Run<'_> {
             }
             self.linear.forget();
         }
-    }
-
-    /// Norm of the gradient at which an equilibrium is found \[N\], given the forces in play.
-    fn wanted(&self, force_scale: f64) -> f64 {
-        self.settings.tolerance * force_scale.max(self.settings.least_force)
     }
 
     /// Gradient with zeros at prescribed unknowns.
@@ -241,7 +222,7 @@ impl Run<'_> {
         g: &[f64],
     ) -> Box<NotConverged> {
         let (det_f, place) = potential.least_det_f(x);
-        let wanted = self.wanted(potential.force_scale(x));
+        let wanted = self.settings.tolerance * potential.force_scale(x).max(self.settings.least_force);
         Box::new(NotConverged {
             island: self.name.clone(),
             step: self.step,

@@ -3,7 +3,7 @@
 //! A load step that fails is tried again from the last equilibrium with a quarter of its length.
 
 use super::linear::LinearSolver;
-use super::newton::{FIRST_BLEND, Run};
+use super::newton::Run;
 use super::rigid::free_parts;
 use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pattern, Reason, SolveError};
 use std::sync::Arc;
@@ -103,8 +103,7 @@ impl Solver {
             k,
             supported: *supported,
             fixed: potential.fixed().to_vec(),
-            definite: false,
-            blend: FIRST_BLEND,
+            convexity: 0.0,
             met_indefinite: false,
         };
         let (mut t, mut length) = (0.0, settings.first_step);
@@ -146,7 +145,7 @@ impl Solver {
         if !self.kept.as_ref().is_some_and(|kept| Arc::ptr_eq(&kept.pattern, pattern)) {
             let analysis = Arc::new(Analysis::new(pattern, x));
             let mut k = BlockMatrix::zeros(pattern.clone());
-            potential.hessian(x, false, &mut k);
+            potential.hessian(x, 0.0, &mut k);
             let parts = free_parts(&k, potential.fixed(), x);
             if !parts.is_empty() && potential.touching(x).is_empty() {
                 self.kept = None;

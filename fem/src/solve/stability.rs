@@ -1,12 +1,12 @@
 //! Is an equilibrium stable, and which way leads out of one that is not?
 
 use super::Loading;
-use super::newton::Run;
+use super::newton::{FIRST_CONVEXITY, Run};
 
 impl Run<'_> {
     /// Whether the Hessian at `x` is positive definite.
     pub(super) fn is_stable(&mut self, potential: &dyn Loading, x: &[f64]) -> bool {
-        potential.hessian(x, false, self.k);
+        potential.hessian(x, 0.0, self.k);
         self.k.constrain(&self.fixed);
         self.report.factorizations += 1;
         self.linear.refactorize(self.k).is_ok()
@@ -18,7 +18,7 @@ impl Run<'_> {
         let n = x.len();
         let mut shift = 1e-8;
         loop {
-            potential.hessian(x, false, self.k);
+            potential.hessian(x, 0.0, self.k);
             self.k.constrain(&self.fixed);
             self.k.shift(shift);
             if self.linear.refactorize(self.k).is_ok() || shift > 10.0 {
@@ -60,6 +60,6 @@ impl Run<'_> {
             size /= 2.0;
         }
         self.linear.forget();
-        self.definite = true;
+        self.convexity = FIRST_CONVEXITY;
     }
 }
