@@ -5,7 +5,7 @@
 
 use fem::solve::{
     Analysis, BlockMatrix, Cholesky, Island, Iteration, IterationLog, Loading, NotConverged, PRESCRIBED,
-    Pattern, Potential, Reason, Settings, Slots, SolveError, Solver, advance_islands,
+    Pattern, Potential, Reason, Settings, Slots, SolveError, Solver, Stability, advance_islands,
 };
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
@@ -460,7 +460,7 @@ fn equilibrium_that_is_no_minimum_is_found_out() {
     lattice.length[1] = 1.8;
     let mut x = lattice.start();
     assert!(residual(&lattice, &x) < 1e-12);
-    let settings = Settings { check_stability: true, ..Settings::default() };
+    let settings = Settings { stability: Stability::Always, ..Settings::default() };
     let advance = Solver::new("pair", settings).advance(&mut lattice, &mut x, 0, &mut Vec::new()).unwrap();
     assert_eq!(advance.unstable_at, [1.0]);
     assert!(x[0].hypot(x[1]) > 0.1, "snapped to {x:?}");

@@ -9,7 +9,7 @@ use fem::mesh::Mesh;
 use fem::output::Restart;
 use fem::plan::Plan;
 use fem::run::{Drive, Frame};
-use fem::solve::Settings;
+use fem::solve::{Settings, Stability};
 use sha2::{Digest, Sha256};
 
 use crate::compare::{Configuration, configuration, drive};
@@ -38,7 +38,7 @@ pub const SETTINGS: Settings = Settings {
     first_step: 1.0,
     least_step: 1e-4,
     double_precision_factor: false,
-    check_stability: false,
+    stability: Stability::Never,
 };
 
 /// Folders of the configurations without and with contact.

@@ -1,7 +1,7 @@
 //! Distances, barrier and continuous collision detection against brute force and Taylor expansions.
 
 use fem::contact::barrier::barrier;
-use fem::contact::ccd::{edge_edge_share, point_triangle_share};
+use fem::contact::ccd::{edge_edge_share, point_triangle_share, tenth};
 use fem::contact::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
 use fem::contact::stencil::{Law, Stencil};
 use nalgebra::Vector3;
@@ -186,7 +186,11 @@ fn no_pair_passes_through_within_the_share_it_may_go() {
             let size = [0.1, 1.0, 100.0][sample % 3];
             let to: Points = std::array::from_fn(|i| from[i] + random.vector(size));
             let distance = |x: &Points| if edges { edge_edge(x) } else { point_triangle(x) }.squared().sqrt();
-            let share = if edges { edge_edge_share(&from, &to) } else { point_triangle_share(&from, &to) };
+            let share = if edges {
+                edge_edge_share(&from, &to, tenth)
+            } else {
+                point_triangle_share(&from, &to, tenth)
+            };
             assert!((0.0..=1.0).contains(&share));
             let at = |t: f64| -> Points { std::array::from_fn(|i| from[i] + (to[i] - from[i]) * t) };
             // The signed volume of the four points changes sign where the pair passes through.
@@ -198,6 +202,6 @@ fn no_pair_passes_through_within_the_share_it_may_go() {
     assert!(limited > 100, "{limited} pairs would have come too close");
     // Straight through the middle: stops before, at nearly the full way.
     let through = |z: f64| -> Points { [V::new(0.3, 0.3, z), V::zeros(), V::x(), V::y()] };
-    let share = point_triangle_share(&through(1.0), &through(-1.0));
+    let share = point_triangle_share(&through(1.0), &through(-1.0), tenth);
     assert!((0.44..0.5).contains(&share), "{share}");
 }

@@ -11,7 +11,7 @@ use fem::measure::{Snapshot, energies, nodal_forces, volume};
 use fem::mesh::{Mesh, generate};
 use fem::run::{Drive, Run, run};
 use fem::scene::*;
-use fem::solve::Settings;
+use fem::solve::{Settings, Stability};
 use nalgebra::{DMatrix, Isometry3, Point3, UnitQuaternion, Vector3};
 use support::Random;
 use support::fem_scenes::{displaced, distorted_box, held, mooney_rivlin, solid, tolerance};
@@ -193,7 +193,8 @@ fn recovery(
     max_iterations: usize,
 ) -> Result<(usize, f64, Run), String> {
     let plan = planned(scene, mesh)?;
-    let settings = Settings { max_iterations, check_stability: true, least_step: 1.0, ..tolerance(1e-6) };
+    let settings =
+        Settings { max_iterations, stability: Stability::Always, least_step: 1.0, ..tolerance(1e-6) };
     let run = run(
         &plan,
         &Drive::once(plan.load(&[], &[]).expect("nothing is named")),

@@ -7,7 +7,7 @@ use fem::mesh::{CellBlock, CellKind, Mesh, generate};
 use fem::plan::Plan;
 use fem::run::{Drive, DriveFrame, Run, run};
 use fem::scene::{Course, FibreLawSpec, FibreSpec, LawSpec, PrescribedSpec, Scene, SolidSpec, StrandSpec};
-use fem::solve::{Settings, SolveError};
+use fem::solve::{Settings, SolveError, Stability};
 
 pub const CASES: &[Case] = &[
     Case { id: "E6", title: "sliver sweep, tet4 pressed", tier: Tier::Quick, run: slivers },
@@ -174,7 +174,7 @@ fn buckling() -> Outcome {
     let (length, width, thickness, press) = (0.1, 0.01, 0.0025, 0.05);
     let mesh = generate::block([4, 2, 40], [thickness, width, length]);
     let plan = bonded(mesh, tissue(30e3, 0.3), -press * length);
-    let run = go(&plan, 1, &Settings { check_stability: true, ..Settings::default() });
+    let run = go(&plan, 1, &Settings { stability: Stability::Always, ..Settings::default() });
     solved("strip", &run)?;
     let frame = run.last().expect("solved");
     let side = frame

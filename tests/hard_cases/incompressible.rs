@@ -10,7 +10,7 @@ use fem::run::{Drive, DriveFrame, Run, run};
 use fem::scene::{
     ContactSpec, ForceSpec, FormulationSpec, LawSpec, PrescribedSpec, Scene, SolidSpec, TieSpec,
 };
-use fem::solve::Settings;
+use fem::solve::{Settings, Stability};
 
 pub const CASES: &[Case] = &[
     Case { id: "E9", title: "volumetric locking, Cook's membrane", tier: Tier::Full, run: cooks_membrane },
@@ -271,7 +271,7 @@ fn pressed(plan: &Plan, count: usize, settings: &Settings) -> Result<(Run, f64, 
 /// Compression in ten steps and in one, as far as there is one equilibrium: up to the first indefinite Hessian on the way in steps
 /// of 2.5 % of the height. Returns that compression, the force \[N\] there and the least det F.
 fn unique(n: usize, bonded: bool) -> Result<(f64, [f64; 2], f64), String> {
-    let settings = Settings { check_stability: true, ..Settings::default() };
+    let settings = Settings { stability: Stability::Always, ..Settings::default() };
     let slow = go(&octant(n, bonded, 0.9)?, 36, &settings);
     let buckled = slow.frames.iter().position(|f| !f.islands[0].indefinite_at.is_empty());
     let frame = buckled.or(slow.unsolved.as_ref().map(|_| slow.frames.len())).unwrap_or(36);

@@ -58,9 +58,8 @@ impl Contact {
     fn blocked(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Vec<([u32; 4], f64)> {
         let near = self.candidates_between(from, to);
         let all = &self.surfaces;
-        let kept = |first: f64| {
-            (KEPT * first).max((KEPT_OF_REACH * self.distance).min((1.0 - LEAST_USE) * first))
-        };
+        let kept =
+            |first: f64| (KEPT * first).max((KEPT_OF_REACH * self.distance).min((1.0 - LEAST_USE) * first));
         let triangle = |&[s, t]: &[u32; 2]| {
             let [start, end] = [from, to].map(|p| self.triangle_points(s, t, p));
             let share = ccd::point_triangle_share(&start, &end, kept);
@@ -73,7 +72,8 @@ impl Contact {
             let ([a, b], [c, d]) = (all.edges[e as usize].points, all.edges[f as usize].points);
             (share < 1.0).then_some(([a, b, c, d], share))
         };
-        let triangles: Vec<_> = near.point_triangle.par_iter().with_min_len(512).filter_map(triangle).collect();
+        let triangles: Vec<_> =
+            near.point_triangle.par_iter().with_min_len(512).filter_map(triangle).collect();
         let edges: Vec<_> = near.edge_edge.par_iter().with_min_len(512).filter_map(edge).collect();
         [triangles, edges].concat()
     }

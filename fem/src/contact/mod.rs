@@ -16,8 +16,8 @@
 
 #![allow(non_snake_case)]
 
-pub mod barrier;
 mod admit;
+pub mod barrier;
 mod candidates;
 pub mod ccd;
 pub mod closest;
@@ -436,11 +436,10 @@ impl Contact {
             let [from, to] = [from, to].map(|p| self.triangle_points(s, t, p));
             ccd::point_triangle_share(&from, &to, ccd::tenth)
         });
-        let edges =
-            near.edge_edge.par_iter().with_min_len(512).map(|&[e, f]| {
-                let [from, to] = [from, to].map(|p| self.edge_points(e, f, p));
-                ccd::edge_edge_share(&from, &to, ccd::tenth)
-            });
+        let edges = near.edge_edge.par_iter().with_min_len(512).map(|&[e, f]| {
+            let [from, to] = [from, to].map(|p| self.edge_points(e, f, p));
+            ccd::edge_edge_share(&from, &to, ccd::tenth)
+        });
         triangles.chain(edges).reduce(|| 1.0, f64::min)
     }
 }

@@ -139,7 +139,7 @@ impl Effect for Chains {
     /// N/l (I − n⊗n). What the tension gains with the length of the whole chain (∂σ/∂λ, a matrix of rank one that couples all nodes of
     /// a fibre) is left out: it would fill the factor, and the ends of a fibre are held, so that its length hardly answers to its
     /// tension.
-    fn stiffness(&self, s: &State, _projected: bool, first: usize, out: &mut [f64]) {
+    fn stiffness(&self, s: &State, _convexity: f64, first: usize, out: &mut [f64]) {
         self.each(s, first, out.len() / 36, |e, place, tension| {
             let out = &mut out[36 * place..36 * (place + 1)];
             out.fill(0.0);

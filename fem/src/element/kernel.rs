@@ -156,7 +156,14 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
                     let mut A = law.tangent(&self.deformation_gradient(g, x));
                     if convexity > 0.0 {
                         let (mut none, mut zero) = (Matrix3::zeros(), 0.0);
-                        project(law, &self.deformation_gradient(g, x), &mut A, &mut none, &mut zero, convexity);
+                        project(
+                            law,
+                            &self.deformation_gradient(g, x),
+                            &mut A,
+                            &mut none,
+                            &mut zero,
+                            convexity,
+                        );
                     }
                     accumulate(k, &A, self.w[g], &self.dn[g]);
                 }

@@ -100,8 +100,7 @@ impl Flow {
             .collect();
         for (x, weights) in x.chunks_exact_mut(3).zip(self.weights.chunks_exact(self.bodies.len())) {
             let p = Point3::from_slice(x);
-            let mean: Vector3<f64> =
-                steps.iter().zip(weights).map(|(step, w)| (step * p).coords * *w).sum();
+            let mean: Vector3<f64> = steps.iter().zip(weights).map(|(step, w)| (step * p).coords * *w).sum();
             x.copy_from_slice(mean.as_slice());
         }
     }

@@ -94,7 +94,8 @@ impl Run<'_> {
         let slope: f64 = (0..x.len()).map(|i| g[i] * (trial[i] - x[i])).sum();
         let e = potential.energy(trial);
         let descends = slope < 0.0 && e - energy <= ARMIJO * slope;
-        (descends && potential.least_det_f(trial).0 >= BENT_DET_F_SHARE * potential.least_det_f(x).0).then_some(e)
+        (descends && potential.least_det_f(trial).0 >= BENT_DET_F_SHARE * potential.least_det_f(x).0)
+            .then_some(e)
     }
 
     /// Greatest share of `dx` on whose way from the places `from` nothing touches; 1 where nothing can. Overwrites `trial`.

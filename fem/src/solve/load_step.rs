@@ -5,7 +5,7 @@
 
 use super::linear::norm;
 use super::newton::{Run, Taken};
-use super::{Loading, NotConverged, Reason};
+use super::{Loading, NotConverged, Reason, Stability};
 use std::time::Instant;
 
 /// While the load is carried over, least det F may fall to this share in one go.
@@ -16,6 +16,8 @@ const CARRIED_DET_F_SHARE: f64 = 0.3;
 const LEAST_CARRY: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
+/// Share of what is left of a load step below which contact has cut it short.
+const SHORT_CARRY: f64 = 0.3;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
@@ -43,8 +45,12 @@ impl Run<'_> {
             if self.met_indefinite && self.report.indefinite_at.last() != Some(&target) {
                 self.report.indefinite_at.push(target);
             }
-            let doubtful = (self.met_indefinite || self.settings.check_stability) && self.supported;
-            if !doubtful || kicks == 3 || self.is_stable(potential, x) {
+            let doubtful = match self.settings.stability {
+                Stability::Always => true,
+                Stability::WhereDoubtful => self.met_indefinite,
+                Stability::Never => false,
+            };
+            if !(doubtful && self.supported) || kicks == 3 || self.is_stable(potential, x) {
                 return Ok(target);
             }
             self.report.unstable_at.push(target);
@@ -134,6 +140,10 @@ impl Run<'_> {
             potential.gradient(x, &mut g);
             let state = [norm(&g), potential.force_scale(x), potential.energy(x)];
             self.record(potential, x, t, 0, state, &taken, start);
+            // What contact holds up is brought near equilibrium first: its barrier has met what it had not seen.
+            if length < SHORT_CARRY && !places.is_empty() {
+                return Ok(t);
+            }
         }
         if t >= target || !potential.touching(x).is_empty() {
             return Ok(t);
@@ -143,13 +153,7 @@ impl Run<'_> {
 
     /// Moves the load towards `target` and lets the potential carry the free nodes along, piece by piece, as far as nothing folds or
     /// touches; returns the load reached. `None`: it has no guess, or its first piece fails already.
-    fn carry_along(
-        &self,
-        potential: &mut dyn Loading,
-        x: &mut [f64],
-        t: f64,
-        target: f64,
-    ) -> Option<f64> {
+    fn carry_along(&self, potential: &mut dyn Loading, x: &mut [f64], t: f64, target: f64) -> Option<f64> {
         let n = potential.n_pieces(target);
         if n == 0 {
             return None;

@@ -23,7 +23,7 @@ pub use linear::{LinearReport, LinearSolver};
 pub use log::{Iteration, IterationLog};
 pub use outcome::{Advance, NotConverged, Reason, SolveError};
 pub use rigid::{FreePart, free_parts};
-pub use solver::{Settings, Solver};
+pub use solver::{Settings, Solver, Stability};
 use std::sync::Arc;
 
 /// The total potential Π of one island as a function of its unknowns.

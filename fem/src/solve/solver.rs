@@ -9,6 +9,18 @@ use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pa
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Which equilibria are tested for stability.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stability {
+    /// All.
+    Always,
+    /// Those on whose way an indefinite Hessian was met.
+    #[default]
+    WhereDoubtful,
+    /// None: Newton's method descends, and a wrinkle of a slack muscle more or less is not asked for.
+    Never,
+}
+
 /// How the solver works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -24,9 +36,8 @@ pub struct Settings {
     pub least_step: f64,
     /// Factors of double precision from the start (single is tried first otherwise; the answer is double either way).
     pub double_precision_factor: bool,
-    /// Test every equilibrium for stability (one factorization each) and leave unstable ones. Without it only those
-    /// are tested on whose way an indefinite Hessian was met.
-    pub check_stability: bool,
+    /// Which equilibria are tested for stability (a factorization each); unstable ones are left along their softest mode.
+    pub stability: Stability,
 }
 
 impl Default for Settings {
@@ -38,7 +49,7 @@ impl Default for Settings {
             first_step: 1.0,
             least_step: 1e-4,
             double_precision_factor: false,
-            check_stability: false,
+            stability: Stability::default(),
         }
     }
 }
