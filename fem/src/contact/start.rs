@@ -218,6 +218,14 @@ impl Contact {
         Ok(now.iter().zip(x).map(|(a, b)| a - b).collect())
     }
 
+    /// (node, surface) of points closer than `gap` \[m\] to a surface, with the nodes at `x`, where one of their nodes or of those of the
+    /// nearest triangle is `wanted`.
+    pub fn close_pairs(&self, x: &[f64], gap: f64, wanted: &dyn Fn(u32) -> bool) -> Vec<(u32, usize)> {
+        let near = self.near(&self.surfaces.positions(x), gap);
+        let nodes = near.iter().map(|n| self.nodes_of_pair(&[n.point], n.triangle));
+        nodes.filter(|nodes| nodes.iter().any(|(n, _)| wanted(*n))).flatten().collect()
+    }
+
     /// The nodes of a point or edge with the surface of a triangle, and those of the triangle with the surface of the point.
     fn nodes_of_pair(&self, points: &[u32], triangle: u32) -> Vec<(u32, usize)> {
         let all = &self.surfaces;

@@ -5,8 +5,11 @@ use super::term::check;
 use super::{Motion, SceneError};
 use crate::contact::surface::SurfaceInput;
 use crate::contact::{Contact, ContactInput, Mode, Overlap};
+use crate::mesh::quality::gauss_dets;
 use crate::mesh::{Mesh, unique_nodes};
 use crate::scene::{ContactMode, ContactSpec, LawSpec, Scene};
+use nalgebra::Vector3;
+use std::collections::BTreeSet;
 
 /// Surfaces beyond this number are refused: each has a bit in a word.
 const MAX_SURFACES: usize = 64;
@@ -198,8 +201,29 @@ const HELD: u32 = u32::MAX - 2;
 const CONTROLLED: u32 = u32::MAX - 1;
 /// Rounds in which what cannot be parted is left out.
 const MAX_TRIES: usize = 8;
+/// Share of the det of a cell below which moving nodes has folded it.
+const FOLDED: f64 = 0.1;
 /// Sweeps that carry the displacement of the surfaces into the solids.
 const SWEEPS: usize = 40;
+
+/// Nodes of solid cells that are turned inside out, or lose nine tenths of their volume somewhere, with the nodes at `points`.
+fn folded_nodes(mesh: &Mesh, points: &[[f64; 3]]) -> BTreeSet<u32> {
+    let mut nodes = BTreeSet::new();
+    for block in mesh.blocks.iter().filter(|b| b.kind.is_solid()) {
+        let dets = |cell: &[u32], points: &[[f64; 3]]| {
+            let X: Vec<Vector3<f64>> = cell.iter().map(|&n| points[n as usize].into()).collect();
+            gauss_dets(block.kind, &X)
+        };
+        for cell in block.cells() {
+            let moved = cell.iter().any(|&n| points[n as usize] != mesh.points[n as usize]);
+            let folds = |((before, _), (after, _)): (&(f64, f64), &(f64, f64))| *after < FOLDED * before;
+            if moved && dets(cell, &mesh.points).iter().zip(&dets(cell, points)).any(folds) {
+                nodes.extend(cell);
+            }
+        }
+    }
+    nodes
+}
 
 impl ContactPlan {
     /// Refuses overlaps in the mesh deeper than may be mended; moves its nodes apart where others overlap or touch.
@@ -224,26 +248,33 @@ impl ContactPlan {
         // Nodes that are prescribed stay where they are; on a roller they may slide.
         let moves = |n: u32| motion[n as usize].iter().any(|m| matches!(m, Motion::Free));
         let mut tries = 0;
-        let u = loop {
+        let (mended, u) = loop {
             let contact = self.part(&members, Some, &mesh.points, motion).expect("there was contact before");
-            match contact.part(&x, gap, &moves) {
-                Ok(u) => break u,
-                Err(_) if self.repair == 0.0 || tries == MAX_TRIES => {
-                    return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+            let stuck = match contact.part(&x, gap, &moves) {
+                Ok(u) => {
+                    let mut u: Vec<[f64; 3]> = u.as_chunks::<3>().0.to_vec();
+                    self.carry_inside(mesh, motion, &mut u);
+                    let to = |(p, u): (&[f64; 3], &[f64; 3])| std::array::from_fn(|c| p[c] + u[c]);
+                    let mended: Vec<[f64; 3]> = mesh.points.iter().zip(&u).map(to).collect();
+                    let folded = folded_nodes(mesh, &mended);
+                    if folded.is_empty() {
+                        break (mended, u);
+                    }
+                    contact.close_pairs(&x, gap, &|n| folded.contains(&n))
                 }
-                Err(stuck) => self.ignored.extend(stuck),
+                Err(stuck) => stuck,
+            };
+            if self.repair == 0.0 || tries == MAX_TRIES || stuck.is_empty() {
+                return Err(SceneError::Overlap { overlaps, allowed: self.repair });
             }
+            self.ignored.extend(stuck);
             tries += 1;
         };
         self.ignored.sort_unstable();
         self.ignored.dedup();
-        let mut u: Vec<[f64; 3]> = u.as_chunks::<3>().0.to_vec();
         let farthest = u.iter().map(|u| u.iter().map(|c| c * c).sum::<f64>()).fold(0.0, f64::max).sqrt();
         let n_nodes = u.iter().filter(|u| **u != [0.0; 3]).count();
-        self.carry_inside(mesh, motion, &mut u);
-        for (p, u) in mesh.points.iter_mut().zip(&u) {
-            (0..3).for_each(|c| p[c] += u[c]);
-        }
+        mesh.points = mended;
         mesh.check()?;
         Ok(Repair { overlaps, n_nodes, farthest, n_ignored: self.ignored.len() })
     }

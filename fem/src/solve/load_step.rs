@@ -4,7 +4,7 @@
 //! step that inverts nothing; from there Newton's method starts.
 
 use super::linear::norm;
-use super::newton::{Run, Taken};
+use super::newton::{FIRST_CONVEXITY, Run, Taken};
 use super::{Loading, NotConverged, Reason, Stability};
 use std::time::Instant;
 
@@ -31,7 +31,7 @@ impl Run<'_> {
         t: f64,
         target: f64,
     ) -> Result<f64, Box<NotConverged>> {
-        self.convexity = 0.0;
+        (self.convexity, self.enough) = (0.0, FIRST_CONVEXITY);
         self.met_indefinite = false;
         let reached = self.carry_over(potential, x, t, target)?;
         if reached < target {

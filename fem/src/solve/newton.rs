@@ -28,6 +28,8 @@ pub(super) struct Run<'a> {
     /// Share of the negative curvatures that the next Hessian loses, see [`Potential::hessian`](super::Potential::hessian): a
     /// quarter of what made the last one definite.
     pub(super) convexity: f64,
+    /// The last one that was enough where the true Hessian was not.
+    pub(super) enough: f64,
     /// An indefinite Hessian was met in this load step.
     pub(super) met_indefinite: bool,
 }
@@ -149,13 +151,16 @@ impl Run<'_> {
             total.relative_residual = report.relative_residual;
             match outcome {
                 Ok(()) if dot(dx, &rhs) > 0.0 || norm(&rhs) == 0.0 => {
+                    if convexity > 0.0 {
+                        self.enough = convexity;
+                    }
                     let next = convexity / 4.0;
                     self.convexity = if next < LEAST_CONVEXITY { 0.0 } else { next };
                     return Ok((total, convexity > 0.0));
                 }
-                _ if convexity == 0.0 => {
+                _ if convexity < self.enough => {
                     self.met_indefinite = true;
-                    convexity = FIRST_CONVEXITY;
+                    convexity = self.enough;
                 }
                 _ if convexity < 1.0 => convexity = (4.0 * convexity).min(1.0),
                 _ if shift < 1.0 => shift = if shift == 0.0 { 1e-8 } else { 100.0 * shift },

@@ -3,7 +3,7 @@
 //! A load step that fails is tried again from the last equilibrium with a quarter of its length.
 
 use super::linear::LinearSolver;
-use super::newton::Run;
+use super::newton::{FIRST_CONVEXITY, Run};
 use super::rigid::free_parts;
 use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pattern, Reason, SolveError};
 use std::sync::Arc;
@@ -115,6 +115,7 @@ impl Solver {
             supported: *supported,
             fixed: potential.fixed().to_vec(),
             convexity: 0.0,
+            enough: FIRST_CONVEXITY,
             met_indefinite: false,
         };
         let (mut t, mut length) = (0.0, settings.first_step);
