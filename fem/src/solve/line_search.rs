@@ -11,6 +11,8 @@ use super::{BlockMatrix, Loading, Reason};
 const LEAST_STEP_LENGTH: f64 = 1e-6;
 /// Share of the predicted decrease that a step must reach (Armijo).
 const ARMIJO: f64 = 1e-4;
+/// A step is bent that is at most this many times as long as the way on which nothing touches.
+const BENT_BEYOND: f64 = 4.0;
 /// Least det F may fall to this share in a step that is bent.
 const BENT_DET_F_SHARE: f64 = 0.5;
 /// Energy differences below this share of the energy are taken for round-off.
@@ -35,11 +37,15 @@ impl Run<'_> {
         }
         let from = potential.touching(x);
         let free = self.free_length(potential, x, dx, &from, trial);
-        if free < 1.0
-            && let Some(e) = self.bent(potential, x, g, &from, *energy, trial)
-        {
-            *energy = e;
-            return Ok(1.0);
+        if free < 1.0 {
+            let length = (BENT_BEYOND * free).min(1.0);
+            for i in 0..x.len() {
+                trial[i] = x[i] + length * dx[i];
+            }
+            if let Some(e) = self.bent(potential, x, g, &from, *energy, trial) {
+                *energy = e;
+                return Ok(length);
+            }
         }
         if free <= 0.0 {
             return Err(Reason::Touch);
@@ -77,7 +83,7 @@ impl Run<'_> {
         Err(if inverted { Reason::Inversion } else { Reason::NoDescent })
     }
 
-    /// The energy at the end of the whole step, which `trial` holds, bent where surfaces would touch; `None` where that is no descent
+    /// The energy at the end of a step, which `trial` holds, bent where surfaces would touch; `None` where that is no descent
     /// or folds an element nearly flat.
     fn bent(
         &self,

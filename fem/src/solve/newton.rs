@@ -91,7 +91,7 @@ impl Run<'_> {
                     return Ok(());
                 }
                 Err(_) if !projected => {
-                    self.convexity = FIRST_CONVEXITY;
+                    self.convexity = self.enough;
                     self.met_indefinite = true;
                     self.linear.forget();
                     continue;
@@ -110,7 +110,11 @@ impl Run<'_> {
             let taken = Taken { step_length: length, linear: report, projected };
             self.record(potential, x, load, iteration, [norm(&g), scale, energy], &taken, start);
         }
-        Err(self.failure(potential, x, Reason::Iterations, self.settings.max_iterations, &g))
+        // Where what is wanted lies below round-off, stiffness and softness too far apart are why it creeps.
+        let floor = round_off(self.k, x);
+        let wanted = tolerance * scale.max(self.settings.least_force);
+        let reason = if floor > wanted { Reason::RoundOff { floor } } else { Reason::Iterations };
+        Err(self.failure(potential, x, reason, self.settings.max_iterations, &g))
     }
 
     /// Solves H Δx = rhs with the Hessian at `x`: as it is where it is positive definite; otherwise with as much convexity as
