@@ -66,7 +66,7 @@ impl Chains {
             }
             chains.push(Fibre {
                 segments: first..nodes.len(),
-                elsewhere: fibre.length - here,
+                elsewhere: fibre.length - here * (1.0 + ROUNDING * ROUNDING).sqrt(),
                 length: fibre.length,
                 area: fibre.area,
             });
@@ -78,7 +78,7 @@ impl Chains {
     fn span(&self, e: usize, x: &[f64]) -> ([f64; 3], f64) {
         let [a, b] = self.groups.nodes::<2>(e).map(|n| point(x, n));
         let d = std::array::from_fn(|i| b[i] - a[i]);
-        (d, norm(d))
+        (d, norm(d).hypot(ROUNDING * self.lengths[e]))
     }
 
     fn state(&self, chain: &Fibre, s: &State) -> FibreStress {
@@ -105,8 +105,10 @@ fn norm(d: [f64; 3]) -> f64 {
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
 }
 
-/// Below this share of its reference length a segment has no direction: it carries no force.
-const COLLAPSED: f64 = 1e-12;
+/// The length of a segment is taken as √(|d|² + ε² L²), ε this share of its length L at rest. The tension of a chain does not fall as one of
+/// its segments shortens, so that a soft matrix lets some vanish, and |d| has a kink there on which no descent gets on. Tensions lose
+/// 0.02 % at rest.
+const ROUNDING: f64 = 0.02;
 
 impl Effect for Chains {
     fn groups(&self) -> &Groups {
@@ -128,7 +130,7 @@ impl Effect for Chains {
     fn forces(&self, s: &State, first: usize, out: &mut [f64]) {
         self.each(s, first, out.len() / 6, |e, place, tension| {
             let (d, l) = self.span(e, s.x);
-            let pull = if l > COLLAPSED * self.lengths[e] { tension / l } else { 0.0 };
+            let pull = tension / l;
             for i in 0..3 {
                 out[6 * place + i] = -pull * d[i];
                 out[6 * place + 3 + i] = pull * d[i];
@@ -142,11 +144,7 @@ impl Effect for Chains {
     fn stiffness(&self, s: &State, _convexity: f64, first: usize, out: &mut [f64]) {
         self.each(s, first, out.len() / 36, |e, place, tension| {
             let out = &mut out[36 * place..36 * (place + 1)];
-            out.fill(0.0);
             let (d, l) = self.span(e, s.x);
-            if l <= COLLAPSED * self.lengths[e] {
-                return;
-            }
             let (n, k) = (d.map(|d| d / l), tension / l);
             for i in 0..3 {
                 for j in 0..3 {
