@@ -49,8 +49,8 @@ fn forces_1000(bencher: Bencher) {
     bencher.bench_local(|| solid.forces(&State { x: &x, controls: &[] }, 0, black_box(&mut out)));
 }
 
-#[divan::bench(args = [false, true])]
-fn stiffness_1000(bencher: Bencher, projected: bool) {
+#[divan::bench(args = [0.0, 1.0])]
+fn stiffness_1000(bencher: Bencher, convexity: f64) {
     let (solid, x) = block(MOONEY);
     let mut out = vec![0.0; 576 * 16];
     bencher.bench_local(|| {
@@ -58,7 +58,7 @@ fn stiffness_1000(bencher: Bencher, projected: bool) {
             let n = 16.min(N * N * N - first);
             solid.stiffness(
                 &State { x: &x, controls: &[] },
-                projected,
+                convexity,
                 first,
                 black_box(&mut out[..576 * n]),
             );
@@ -72,7 +72,7 @@ fn stiffness_of_a_coupled_law_1000(bencher: Bencher) {
     let mut out = vec![0.0; 576];
     bencher.bench_local(|| {
         for first in 0..N * N * N {
-            solid.stiffness(&State { x: &x, controls: &[] }, false, first, black_box(&mut out));
+            solid.stiffness(&State { x: &x, controls: &[] }, 0.0, first, black_box(&mut out));
         }
     });
 }

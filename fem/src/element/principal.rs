@@ -19,7 +19,7 @@ pub fn lift_isotropic(
     p_theta: &mut f64,
     share: f64,
 ) -> bool {
-    let Some((u, v)) = principal(F) else { return false };
+    let Some([u, v]) = principal(F) else { return false };
     let d: [[[f64; 9]; 3]; 3] =
         std::array::from_fn(|i| std::array::from_fn(|j| std::array::from_fn(|e| u[i][e % 3] * v[j][e / 3])));
     let y = d.map(|row| row.map(|d| apply(A, &d)));
@@ -56,8 +56,10 @@ pub fn lift_isotropic(
     true
 }
 
+type Axes = [Vector3<f64>; 3];
+
 /// Orthonormal uᵢ and vᵢ with F vᵢ = σᵢ uᵢ; `None` where a σ is so small that its u is lost.
-fn principal(F: &Matrix3) -> Option<([Vector3<f64>; 3], [Vector3<f64>; 3])> {
+fn principal(F: &Matrix3) -> Option<[Axes; 2]> {
     let mut C = F.transpose() * F;
     let mut V = Matrix3::identity();
     let small = 1e-15 * C.trace();
@@ -98,7 +100,7 @@ fn principal(F: &Matrix3) -> Option<([Vector3<f64>; 3], [Vector3<f64>; 3])> {
     if !sigma.iter().all(|s| *s > 1e-4 * largest) {
         return None;
     }
-    Some((std::array::from_fn(|i| stretched[i] / sigma[i]), v))
+    Some([std::array::from_fn(|i| stretched[i] / sigma[i]), v])
 }
 
 fn dot(a: &[f64; 9], b: &[f64; 9]) -> f64 {
