@@ -1,5 +1,5 @@
 //! The built-in thigh with all muscles and bones, without and with guarded contact: hip flexed by 30 and knee by 15 degrees from
-//! standing. `cargo run --release -p sartorius-coupling --example thigh_contact [MM] [with|without|both] [NAME,NAME,...]`
+//! standing. `cargo run --release -p sartorius-coupling --example thigh_contact [MM] [with|without|both] [NAME,NAME,... [SHARE OF THE WAY]]`
 
 use std::time::Instant;
 
