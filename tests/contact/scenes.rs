@@ -94,10 +94,11 @@ fn a_way_that_would_touch_is_bent_there_and_nowhere_else() {
         let share = contact.share(&X, &to);
         let moves = |n: u32| !top.contains(&n);
         match contact.admit(&X, &to, &moves) {
-            None => assert!(share == 1.0 || depth > 2e-3, "sample {sample}: share {share}"),
+            None => assert!(share < 1.0 && depth > 2e-3, "sample {sample}: share {share}"),
             Some(admitted) => {
-                bent += 1;
-                assert!(share < 1.0 || depth < 1e-3, "sample {sample}: share {share}");
+                let whole = admitted.iter().zip(&to).all(|(a, b)| (a - b).abs() < 1e-15);
+                assert!(whole || share < 1.0 || depth < 1e-3, "sample {sample}: share {share}");
+                bent += usize::from(!whole);
                 assert_eq!(contact.share(&X, &admitted), 1.0, "sample {sample}");
                 for &n in top {
                     for i in 3 * n as usize..3 * n as usize + 3 {

@@ -20,8 +20,8 @@ const MOST_ROUNDS: usize = 16;
 const LONGEST: f64 = 4.0;
 
 impl Contact {
-    /// Positions \[m\] near `to` that can be reached from `from` on a straight way without a touch; nodes for which `moves` is false go
-    /// to `to`. `None`: `to` itself can be reached, or nothing near it.
+    /// Positions \[m\] that can be reached from `from` on a straight way without a touch: `to` where it can, something near it where not;
+    /// nodes for which `moves` is false go to `to`. `None`: nothing near it can be reached.
     pub fn admit(&self, from: &[f64], to: &[f64], moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
         if self.mode == Mode::Cheap {
             return None;
@@ -41,11 +41,11 @@ impl Contact {
         let at = |u: &[Vector3<f64>]| -> Vec<f64> {
             from.iter().zip(u.iter().flat_map(|u| u.iter())).map(|(x, u)| x + u).collect()
         };
-        for round in 0..MOST_ROUNDS {
+        for _ in 0..MOST_ROUNDS {
             let now = at(&u);
             let blocked = self.blocked(&start, &self.surfaces.positions(&now));
             if blocked.is_empty() {
-                return (round > 0).then_some(now);
+                return Some(now);
             }
             for (points, share) in blocked {
                 self.hold_together(points, share, &mut u, moves);
@@ -54,7 +54,7 @@ impl Contact {
         None
     }
 
-    /// Pairs (their points, the first of each of two edges or a point and a triangle) that would touch, with the share of the way that they may go.
+    /// Pairs that would touch, a point and a triangle or two edges, by their four points, with the share of the way that each may go.
     fn blocked(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Vec<([u32; 4], f64)> {
         let near = self.candidates_between(from, to);
         let all = &self.surfaces;

@@ -347,7 +347,8 @@ impl Contact {
         }
     }
 
-    /// ∂²Π/∂x∂x \[N/m\], less the share `convexity` of the negative curvatures of every term, as blocks between local nodes, both triangles, ascending by (row, column).
+    /// ∂²Π/∂x∂x \[N/m\], less the share `convexity` of the negative curvatures of every term, as blocks between local nodes, both
+    /// triangles, ascending by (row, column).
     pub fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
         let terms = self.terms(x);
         let (p, stencils) = (&terms.p, &terms.stencils);

@@ -21,6 +21,19 @@ const SHORT_CARRY: f64 = 0.3;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
+/// Bends the way from `places` to `trial` where surfaces would touch; the share of it on which nothing does then, 1 where nothing can.
+fn admitted(potential: &dyn Loading, places: &[f64], trial: &mut [f64]) -> f64 {
+    match places.is_empty() || potential.admit(places, trial) {
+        true => 1.0,
+        false => potential.free_share(places, trial),
+    }
+}
+
+/// Whether no element is inverted at `x`, and none flatter than `least` where that is a bound.
+fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
+    potential.energy(x).is_finite() && (least <= 0.0 || potential.least_det_f(x).0 >= least)
+}
+
 impl Run<'_> {
     /// From the equilibrium at `t` to that at `target`, or as far as contact lets the load be carried over at once;
     /// returns the load reached.
@@ -36,12 +49,14 @@ impl Run<'_> {
         let reached = self.carry_over(potential, x, t, target)?;
         if reached < target {
             // On the way nobody asks for the equilibrium but the next piece of it, which starts from it.
-            self.newton(potential, x, reached, self.settings.tolerance.max(ON_THE_WAY))?;
+            self.tolerance = self.settings.tolerance.max(ON_THE_WAY);
+            self.newton(potential, x, reached)?;
             return Ok(reached);
         }
+        self.tolerance = self.settings.tolerance;
         let mut kicks = 0;
         loop {
-            self.newton(potential, x, target, self.settings.tolerance)?;
+            self.newton(potential, x, target)?;
             if self.met_indefinite && self.report.indefinite_at.last() != Some(&target) {
                 self.report.indefinite_at.push(target);
             }
@@ -111,13 +126,8 @@ impl Run<'_> {
                     trial[i] = x[i] + length * dx[i];
                 }
                 potential.set_load(load, &mut trial);
-                if !places.is_empty() {
-                    potential.admit(&places, &mut trial);
-                }
-                let admissible = potential.energy(&trial).is_finite()
-                    && (det_before <= 0.0 || potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before);
-                let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
-                if admissible && free >= 1.0 {
+                let free = admitted(potential, &places, &mut trial);
+                if free >= 1.0 && is_sound(potential, &trial, DET_F_SHARE * det_before) {
                     x.copy_from_slice(&trial);
                     t = load;
                     break;
@@ -167,15 +177,9 @@ impl Run<'_> {
             let places = potential.touching(x);
             trial.copy_from_slice(x);
             potential.carry(load, &mut trial);
-            if !places.is_empty() {
-                potential.admit(&places, &mut trial);
-            }
-            let (energy, det) = (potential.energy(&trial), potential.least_det_f(&trial));
-            let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
-            let admissible = energy.is_finite()
-                && (det_before <= 0.0 || det.0 >= CARRIED_DET_F_SHARE * det_before)
-                && free >= 1.0;
-            if admissible {
+            if admitted(potential, &places, &mut trial) >= 1.0
+                && is_sound(potential, &trial, CARRIED_DET_F_SHARE * det_before)
+            {
                 x.copy_from_slice(&trial);
                 reached = load;
                 continue;

@@ -77,7 +77,7 @@ pub trait Potential: Send + Sync {
     }
 
     /// Changes `x` where surfaces would touch on the straight way from the places `from`, so that nothing does, and leaves the rest
-    /// of the way as it is. Returns whether there was anything to change.
+    /// of the way as it is. Returns whether `x` can now be reached; where not it is left as it was.
     fn admit(&self, _from: &[f64], _x: &mut [f64]) -> bool {
         false
     }

@@ -16,6 +16,8 @@ pub(super) struct Run<'a> {
     pub(super) name: String,
     pub(super) settings: Settings,
     pub(super) step: usize,
+    /// Wanted residual relative to the forces in play: that of the settings, or what does on the way.
+    pub(super) tolerance: f64,
     pub(super) log: &'a mut Vec<Iteration>,
     pub(super) report: Advance,
     /// The linear solver with the factor it keeps, and room for the Hessian.
@@ -43,13 +45,12 @@ pub(super) struct Taken {
 }
 
 impl Run<'_> {
-    /// Newton's method at a fixed load, to a residual of `tolerance` relative to the forces in play.
+    /// Newton's method at a fixed load, to a residual of `self.tolerance` relative to the forces in play.
     pub(super) fn newton(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
         load: f64,
-        tolerance: f64,
     ) -> Result<(), Box<NotConverged>> {
         let n = x.len();
         let (mut g, mut dx, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
@@ -63,7 +64,7 @@ impl Run<'_> {
             if !residual.is_finite() || !energy.is_finite() {
                 return Err(self.failure(potential, x, Reason::NotFinite, iteration, &g));
             }
-            let wanted = tolerance * scale.max(self.settings.least_force);
+            let wanted = self.wanted(scale);
             (self.report.residual, self.report.force_scale, self.report.energy) = (residual, scale, energy);
             if residual <= wanted || residual <= round_off(self.k, x) {
                 self.report.least_det_f = potential.least_det_f(x).0;
@@ -112,8 +113,7 @@ impl Run<'_> {
         }
         // Where what is wanted lies below round-off, stiffness and softness too far apart are why it creeps.
         let floor = round_off(self.k, x);
-        let wanted = tolerance * scale.max(self.settings.least_force);
-        let reason = if floor > wanted { Reason::RoundOff { floor } } else { Reason::Iterations };
+        let reason = if floor > self.wanted(scale) { Reason::RoundOff { floor } } else { Reason::Iterations };
         Err(self.failure(potential, x, reason, self.settings.max_iterations, &g))
     }
 
@@ -179,6 +179,11 @@ impl Run<'_> {
         }
     }
 
+    /// Norm of the gradient at which the iteration ends \[N\], given the forces in play.
+    fn wanted(&self, force_scale: f64) -> f64 {
+        self.tolerance * force_scale.max(self.settings.least_force)
+    }
+
     /// Gradient with zeros at prescribed unknowns.
     pub(super) fn gradient(&self, potential: &dyn Loading, x: &[f64], g: &mut [f64]) {
         potential.gradient(x, g);
@@ -231,7 +236,7 @@ impl Run<'_> {
         g: &[f64],
     ) -> Box<NotConverged> {
         let (det_f, place) = potential.least_det_f(x);
-        let wanted = self.settings.tolerance * potential.force_scale(x).max(self.settings.least_force);
+        let wanted = self.wanted(potential.force_scale(x));
         Box::new(NotConverged {
             island: self.name.clone(),
             step: self.step,

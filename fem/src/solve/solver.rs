@@ -108,6 +108,7 @@ impl Solver {
             name,
             settings,
             step,
+            tolerance: settings.tolerance,
             log,
             report: Advance::default(),
             linear,
