@@ -16,6 +16,7 @@ use coupling::steps::{StepName, rigid_step};
 use coupling::steps::{rigid_muscles_at, rigid_muscles_standing};
 use coupling::study::SETTINGS;
 use coupling::thigh::build::ThighEffects;
+use coupling::thigh::trial::{MuscleAlone, Task};
 use coupling::thigh_tables::{ATTACHMENTS, MUSCLE_SECTIONS};
 use fem::body::Wrench;
 use fem::mesh::muscle::attachment::{Attachment, Role, Site};
@@ -398,5 +399,26 @@ fn hill_fibres_are_calibrated_alone_and_never_on_a_step() {
         // Where the fit is made it is no more than the round-off of the solution and what the fit itself moves.
         let fitted = &muscle.samples[0];
         assert!((fitted.found / fitted.rigid - 1.0).abs() < 5e-3, "{}: {fitted:?}", muscle.muscle);
+    }
+}
+
+/// Slack, bent and slender: what a tangent at rest throws into a zigzag. Pulled taut, the fibres lie straight between the ends, and
+/// the muscle pulls as springs of that length.
+#[test]
+fn slender_muscles_bear_being_stretched() {
+    let only = ["sartorius".to_string(), "gracilis".to_string()];
+    let made = coupling::thigh::built_in(7e-3, &only, ThighEffects { fibres: true, shells: false }).unwrap();
+    for (muscle, built) in made.thigh.muscles.iter().zip(&made.built.muscles) {
+        let stretched = MuscleAlone::new(&built.block, muscle.fibre_area).run(Task::Stretch(0.15)).unwrap();
+        let (increments, iterations) = (stretched.increments, stretched.iterations);
+        assert!(increments <= 10 && iterations <= 60, "{}: {increments}, {iterations}", muscle.name);
+        assert!(stretched.least_det_f > 0.0);
+        let line = &muscle.line;
+        let straight = 1.15 * (line[line.len() - 1] - line[0]).norm();
+        let strain = straight / muscle.fibre_length - 1.0;
+        // Beyond a toe of 5 %, of which half is slack.
+        let springs = 1e6 * muscle.fibre_area * (strain - 0.025);
+        let off = stretched.force / springs - 1.0;
+        assert!(off.abs() < 0.1, "{}: {} N, springs {springs} N", muscle.name, stretched.force);
     }
 }

@@ -20,14 +20,14 @@ pub const MATRIX: LawSpec = LawSpec::MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.
 /// Young's modulus of the fibres \[Pa\] (`literature.md`, 1.2).
 pub const FIBRE_YOUNG: f64 = 1e6;
 /// Strain over which the tension of a fibre sets in.
-const FIBRE_TOE: f64 = 0.05;
+pub(super) const FIBRE_TOE: f64 = 0.05;
 /// Thickness of the shell around a muscle \[m\]; the study does not state one.
 const SHELL_THICKNESS: f64 = 0.5e-3;
 /// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
 const SHELL_SHEAR: f64 = 7.5e3;
 /// The end layers are this many times stiffer, fading over three layers (`mesh-notes.md`).
-const END_STIFFNESS: f64 = 40.0;
-const END_LAYERS: usize = 3;
+pub(super) const END_STIFFNESS: f64 = 40.0;
+pub(super) const END_LAYERS: usize = 3;
 /// Young's modulus \[Pa\] and section \[m²\] of a tendon: 1.2 GPa (Zajac 1989) on 30 mm², per attachment.
 const TENDON_STIFFNESS: f64 = 1.2e9 * 30e-6;
 /// A side grows from bone that is nearer than this \[m\]: the 3 mm of the table and the gap that the mesher keeps.

@@ -63,3 +63,17 @@ pub fn end_stiffness(block: &MuscleBlock, end: f64, layers: usize) -> Vec<f64> {
         })
         .collect()
 }
+
+/// How far along its fibre every node of the block lies: 0 at the origin, 1 at the insertion.
+pub fn share_of_length(block: &MuscleBlock) -> Vec<f64> {
+    let mut share = vec![0.0; block.points.len()];
+    for k in 0..block.nodes_per_section as u32 {
+        let mut length = 0.0;
+        for layer in 1..block.n_layers() {
+            length += (block.point(layer, k) - block.point(layer - 1, k)).norm();
+            share[block.node(layer, k) as usize] = length;
+        }
+        (1..block.n_layers()).for_each(|layer| share[block.node(layer, k) as usize] /= length);
+    }
+    share
+}
