@@ -376,6 +376,7 @@ fn hill_fibres_are_calibrated_alone_and_never_on_a_step() {
             StressFree::Standing,
             Fibres::Hill,
             &SETTINGS,
+            None,
         );
         let fibres = fibres.unwrap();
         let Calibration::Hill { muscles, .. } = fibres.calibration else { panic!("Hill fibres") };

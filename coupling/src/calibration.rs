@@ -7,7 +7,10 @@
 use fem::plan::{Plan, SceneError};
 use fem::run::{DriveFrame, Session};
 use fem::solve::{Settings, SolveError};
+use rayon::prelude::*;
 
+use crate::alone::alone;
+use crate::cache::{Cache, content_hash};
 use crate::section::belly_force;
 use crate::thigh::build::{FIBRE_YOUNG, Thigh, ThighMuscle};
 
@@ -17,7 +20,7 @@ const MOST_ROUNDS: usize = 16;
 const LEAST_FORCE: f64 = 1.0;
 
 /// Section force against contraction of one muscle.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FibreCurve {
     /// Contraction strain, from 0, increasing.
     pub contraction: Vec<f64>,
@@ -122,42 +125,53 @@ impl CalibrationError {
     }
 }
 
-/// Curves of all muscles of the thigh, which `plan` must hold without contact, over the forces that are `wanted` \[N\], a list per
-/// step in the order of the muscles. A muscle that is wanted at rest only has no curve but the zero.
+/// Curves of all muscles of the thigh, each alone, over the forces that are `wanted` \[N\], a list per step in the order of the muscles.
+/// A muscle that is wanted at rest only has no curve but the zero. What `cache` has is not computed.
 ///
 /// A muscle is first pulled taut, then let down past the least wanted force: taut it is solved in a few iterations, slack in hundreds.
 pub fn calibrate(
     thigh: &Thigh,
-    plan: &Plan,
     wanted: &[Vec<f64>],
     settings: &Settings,
+    cache: Option<&Cache>,
 ) -> Result<Vec<FibreCurve>, CalibrationError> {
-    let mut muscles: Vec<Search> = thigh
-        .muscles
-        .iter()
-        .enumerate()
-        .map(|(i, muscle)| {
-            let some = || wanted.iter().map(|step| step[i]).filter(|f| *f >= LEAST_FORCE);
-            Search::new(muscle, some().fold(f64::INFINITY, f64::min), some().fold(0.0, f64::max))
-        })
-        .collect();
-    let mut session = Session::new(plan, settings, None);
-    for round in 0..MOST_ROUNDS {
-        if muscles.iter().all(|m| m.next.is_none()) {
-            break;
-        }
-        let held = |m: &Search| m.next.or(m.samples.last().map(|s| s.0)).unwrap_or(0.0);
-        let controls: Vec<(&str, f64)> = muscles.iter().map(|m| (m.muscle.name.as_str(), held(m))).collect();
-        let frame = DriveFrame { time: round as f64, load: plan.load(&controls, &[])? };
-        let done = session.advance(&frame);
-        if let Some(error) = done.errors.into_iter().next() {
-            return Err(CalibrationError::Solve(error));
-        }
-        for m in &mut muscles {
-            m.see(belly_force(plan, done.frame.snapshot(), m.muscle).along());
+    let one = |i: usize| {
+        let some = || wanted.iter().map(|step| step[i]).filter(|f| *f >= LEAST_FORCE);
+        let range = [some().fold(f64::INFINITY, f64::min), some().fold(0.0, f64::max)];
+        let thigh = alone(thigh, i);
+        let find = || calibrate_one(&thigh, range, settings);
+        let Some(cache) = cache else { return find() };
+        let rest = format!("thermal {range:?}{:?}{:?}{settings:?}", thigh.scene, thigh.muscles);
+        let what = format!("the calibration of {}", thigh.muscles[0].name);
+        cache.get_or(&content_hash(&thigh.mesh, &rest), &what, find)
+    };
+    // One muscle after the other on each core: they differ tenfold in work.
+    let all: Vec<_> = (0..thigh.muscles.len()).into_par_iter().with_max_len(1).map(one).collect();
+    all.into_iter().collect()
+}
+
+/// Curve of the only muscle of a thigh over a range of forces \[N\].
+fn calibrate_one(
+    thigh: &Thigh,
+    [least, greatest]: [f64; 2],
+    settings: &Settings,
+) -> Result<FibreCurve, CalibrationError> {
+    let muscle = &thigh.muscles[0];
+    let mut search = Search::new(muscle, least, greatest);
+    if search.next.is_some() {
+        let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
+        let mut session = Session::new(&plan, settings, None);
+        for round in 0..MOST_ROUNDS {
+            let Some(contraction) = search.next else { break };
+            let load = plan.load(&[(&muscle.name, contraction)], &[])?;
+            let done = session.advance(&DriveFrame { time: round as f64, load });
+            if let Some(error) = done.errors.into_iter().next() {
+                return Err(CalibrationError::Solve(error));
+            }
+            search.see(belly_force(&plan, done.frame.snapshot(), muscle).along());
         }
     }
-    muscles.into_iter().map(Search::curve).collect()
+    search.curve()
 }
 
 /// Search for the contractions that make the wanted range of forces.

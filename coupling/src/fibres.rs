@@ -2,11 +2,11 @@
 
 #![allow(non_snake_case)]
 
-use fem::plan::Plan;
 use fem::solve::Settings;
 use multibody::model::Model;
 use multibody::muscle::hill;
 
+use crate::cache::Cache;
 use crate::calibration::{CalibrationError, FibreCurve, calibrate};
 use crate::compare::{CompareError, StressFree, wanted};
 use crate::hill_calibration::{Calibrated, Posture, calibrate_hill, with_laws};
@@ -46,7 +46,7 @@ pub struct DrivenFibres {
     pub controls: Vec<Vec<f64>>,
 }
 
-/// Calibrates the fibres of a thigh without contact and finds the controls of the steps.
+/// Calibrates the fibres of a thigh without contact and finds the controls of the steps. What `cache` has is not computed.
 pub fn driven_fibres(
     thigh: &Thigh,
     model: &Model,
@@ -55,21 +55,26 @@ pub fn driven_fibres(
     stress_free: StressFree,
     kind: Fibres,
     settings: &Settings,
+    cache: Option<&Cache>,
 ) -> Result<DrivenFibres, CompareError> {
     match kind {
         Fibres::None => {
             let controls = vec![vec![0.0; thigh.muscles.len()]; steps.len()];
             Ok(DrivenFibres { thigh: thigh.clone(), calibration: Calibration::None, controls })
         }
-        Fibres::Thermal => thermal(thigh, steps, settings),
-        Fibres::Hill => hill(thigh, model, registration, steps, stress_free, settings),
+        Fibres::Thermal => thermal(thigh, steps, settings, cache),
+        Fibres::Hill => hill(thigh, model, registration, steps, stress_free, settings, cache),
     }
 }
 
-fn thermal(thigh: &Thigh, steps: &[RigidStep], settings: &Settings) -> Result<DrivenFibres, CompareError> {
+fn thermal(
+    thigh: &Thigh,
+    steps: &[RigidStep],
+    settings: &Settings,
+    cache: Option<&Cache>,
+) -> Result<DrivenFibres, CompareError> {
     let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
-    let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
-    let curves = calibrate(thigh, &plan, &forces, settings)?;
+    let curves = calibrate(thigh, &forces, settings, cache)?;
     let contraction = |(i, force): (usize, &f64)| {
         curves[i].contraction_for(*force).ok_or_else(|| CalibrationError::TooWeak {
             muscle: thigh.muscles[i].name.clone(),
@@ -90,6 +95,7 @@ fn hill(
     steps: &[RigidStep],
     stress_free: StressFree,
     settings: &Settings,
+    cache: Option<&Cache>,
 ) -> Result<DrivenFibres, CompareError> {
     let curves = hill::Settings::default().curves;
     // In the posture for which the mesh is taken.
@@ -116,7 +122,7 @@ fn hill(
         StressFree::Standing => POSTURES.into_iter().filter_map(posture).collect(),
         StressFree::HeelStrike => Vec::new(),
     };
-    let muscles = calibrate_hill(thigh, &units, scale, &postures, settings)?;
+    let muscles = calibrate_hill(thigh, &units, scale, &postures, settings, cache)?;
     let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
     let thigh = with_laws(thigh, &units, scale, &fits);
     let mut controls = Vec::new();

@@ -1,5 +1,7 @@
 //! The command `sartorius`: the only crate that knows both the rigid leg and the deformable thigh.
 
+pub mod alone;
+pub mod cache;
 pub mod calibration;
 pub mod capacity;
 pub mod cli;

@@ -10,8 +10,8 @@ use fem::output::Restart;
 use fem::plan::Plan;
 use fem::run::{Drive, Frame};
 use fem::solve::{Settings, Stability};
-use sha2::{Digest, Sha256};
 
+use crate::cache::{Cache, content_hash};
 use crate::compare::{Configuration, configuration, drive};
 use crate::error::CommandError;
 use crate::explain;
@@ -164,6 +164,7 @@ impl Prepared {
     }
 
     /// Calibrates the fibres and solves the steps without and with contact, as `asked` says; frames go to the [`FOLDERS`] in `folder`.
+    /// Calibrations are kept in the [`Cache`] beside it.
     /// `resume`: solved frames of a killed run of the same scene are taken over. `lap` is called as each stage ends.
     pub fn solve(
         &self,
@@ -190,6 +191,7 @@ impl Prepared {
             self.scene.stress_free,
             self.scene.fibres,
             &SETTINGS,
+            Some(&Cache::beside(folder)),
         )?;
         (study.thigh, study.calibration, study.controls) = (thigh, calibration, controls);
         if self.scene.fibres != Fibres::None {
@@ -256,19 +258,7 @@ impl Study {
 
 /// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.
 fn run_key(scene: &fem::scene::Scene, plan: &Plan, drive: &Drive) -> String {
-    let mut digest = Sha256::new();
-    for x in plan.mesh.points.as_flattened() {
-        digest.update(x.to_bits().to_le_bytes());
-    }
-    for node in plan.mesh.blocks.iter().flat_map(|b| &b.nodes) {
-        digest.update(node.to_le_bytes());
-    }
-    // Numbers are printed so that they read back the same.
-    digest.update(format!("{scene:?}{drive:?}{SETTINGS:?}"));
-    if let Ok(program) = std::env::current_exe().and_then(std::fs::read) {
-        digest.update(program);
-    }
-    digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    content_hash(&plan.mesh, &format!("{scene:?}{drive:?}{SETTINGS:?}"))
 }
 
 /// The muscles of the rigid leg that the thigh would have, without mesh.

@@ -549,6 +549,13 @@ impl Loading for LoadedIsland {
         }
     }
 
+    fn displaces(&self, t: f64) -> bool {
+        let to = self.load_at(t);
+        let by_control =
+            |m: &Motion| matches!(m, Motion::Control(c, _) if self.load.controls[*c] != to.controls[*c]);
+        self.load.poses != to.poses || self.island.motion.iter().flatten().any(by_control)
+    }
+
     fn n_pieces(&self, t: f64) -> usize {
         match self.start.poses == self.end.poses {
             true => 0,

@@ -132,6 +132,11 @@ impl Run<'_> {
                     t = load;
                     break;
                 }
+                // Forces alone: Newton's first step predicts with the stiffness that they bring, and searches along its line.
+                if t == first && places.is_empty() && !potential.displaces(target) {
+                    potential.set_load(target, x);
+                    return Ok(target);
+                }
                 // Bodies turn, so the shorter way is another one and is checked again.
                 length *= if free < 1.0 { (0.9 * free).max(1e-3) } else { 0.5 };
                 if length < LEAST_CARRY {

@@ -96,6 +96,11 @@ pub trait Loading: Potential {
     /// step and predicts how the free nodes follow.
     fn set_load(&mut self, t: f64, x: &mut [f64]);
 
+    /// Whether anything prescribed moves between the present load and that at `t`; forces alone may change.
+    fn displaces(&self, _t: f64) -> bool {
+        true
+    }
+
     /// In how many pieces [`carry`](Loading::carry) should go from the present load to that at `t`; 0: it has no better guess
     /// than to leave the free nodes where they are.
     fn n_pieces(&self, _t: f64) -> usize {
