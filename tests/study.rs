@@ -3,11 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use coupling::cache::FOLDER;
 use coupling::compare::StressFree;
 use coupling::scene::{Fibres, Scene};
 use coupling::steps::StepName;
 use fem::scene::ContactMode;
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use support::{sartorius, shared};
 
 fn text(bytes: &[u8]) -> String {
@@ -222,4 +224,48 @@ fn scenes_that_are_no_scenes_end_with_2_and_write_nothing() {
     let output = sartorius(&["plan", "three_muscels"], &root);
     assert!(text(&output.stderr).contains("did you mean `three_muscles`"), "{}", text(&output.stderr));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn calibrations_are_kept_and_change_no_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for (fibres, reading) in [("hill", "standing"), ("thermal", "heel_strike")] {
+        let at = folder.path().join(fibres);
+        fs::create_dir(&at).unwrap();
+        let scene = format!(
+            "muscles = [\"gluteus_minimus\"]\nresolution_mm = 16.0\nstress_free = \"{reading}\"\n\
+             [effects]\nfibres = \"{fibres}\"\ncontact = \"none\"\n[[step]]\nname = \"heel_strike\"\n"
+        );
+        fs::write(at.join("one.toml"), scene).unwrap();
+        let run = |out: &str| {
+            let output = sartorius(&["compare", "one.toml", "--out", out], &at);
+            assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+            let table = |name: &str| fs::read(at.join(out).join(name)).unwrap();
+            ((table("comparison.csv"), table("calibration.csv")), text(&output.stderr))
+        };
+        let (first, said) = run("runs/first");
+        assert!(said.is_empty(), "{said}");
+        let entry = match fs::read_dir(at.join("runs").join(FOLDER)).unwrap().collect::<Vec<_>>().as_slice() {
+            [Ok(entry)] => entry.path(),
+            other => panic!("one muscle, one entry: {other:?}"),
+        };
+        assert_eq!(run("runs/kept"), (first.clone(), String::new()));
+        // The entry is what the second run took: a whole one that says something else is believed.
+        let whole = fs::read_to_string(&entry).unwrap();
+        let rest = whole.split_once('\n').unwrap().1;
+        let (key, number) = if fibres == "hill" { ("gain = ", 1.0) } else { ("contraction = [0.0, ", 0.01) };
+        let (before, after) = rest.split_once(key).unwrap();
+        let end = after.find([',', '\n', ']']).unwrap();
+        let value: f64 = after[..end].parse().unwrap();
+        let other = format!("{before}{key}{}{}", value + number, &after[end..]);
+        let sum: String = Sha256::digest(&other).iter().map(|b| format!("{b:02x}")).collect();
+        fs::write(&entry, format!("# {sum}\n{other}")).unwrap();
+        assert_ne!(run("runs/other").0, first);
+        // Damaged ones are not.
+        fs::write(&entry, &whole[..whole.len() / 2]).unwrap();
+        let (again, said) = run("runs/damaged");
+        assert!(again == first, "a damaged entry is computed anew");
+        assert!(said.contains("damaged") && said.contains("gluteus_minimus"), "{said}");
+        assert_eq!(fs::read_to_string(&entry).unwrap(), whole);
+    }
 }

@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use coupling::alone::alone;
 use coupling::calibration::FibreCurve;
 use coupling::capacity::VirtualTwists;
 use coupling::compare::StressFree;
@@ -23,6 +24,8 @@ use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
 use fem::mesh::muscle::grid::{SectionKind, fill, layers};
 use fem::mesh::muscle::{Loft, MuscleBlock, MuscleSections};
+use fem::plan::Plan;
+use fem::run::{DriveFrame, Session};
 use multibody::kinematics::coupled_leg;
 use multibody::muscle::curves::Curves;
 use multibody::muscle::hill::equilibrium;
@@ -421,5 +424,35 @@ fn slender_muscles_bear_being_stretched() {
         let springs = 1e6 * muscle.fibre_area * (strain - 0.025);
         let off = stretched.force / springs - 1.0;
         assert!(off.abs() < 0.1, "{}: {} N, springs {springs} N", muscle.name, stretched.force);
+    }
+}
+
+/// A muscle alone is the island that it is in the whole thigh, and a slack one takes up its tension in one load step.
+#[test]
+fn a_muscle_alone_is_its_island_and_tightens_in_one_step() {
+    let only = ["sartorius".to_string(), "gracilis".to_string()];
+    let made = coupling::thigh::built_in(14e-3, &only, ThighEffects { fibres: true, shells: true }).unwrap();
+    let whole = Plan::new(&made.thigh.scene, made.thigh.mesh.clone()).unwrap();
+    for (i, muscle) in made.thigh.muscles.iter().enumerate() {
+        let thigh = alone(&made.thigh, i);
+        let plan = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap();
+        let [island] = &plan.islands[..] else { panic!("one island") };
+        let there = whole.islands.iter().find(|i| i.name == muscle.name).unwrap();
+        assert_eq!((island.n_unknowns(), &island.X), (there.n_unknowns(), &there.X), "{}", muscle.name);
+        assert_eq!(
+            thigh.fibre_stretch(0, &plan.reference()),
+            made.thigh.fibre_stretch(i, &whole.reference())
+        );
+
+        // Thermal fibres that contract by their slack and 2 % more.
+        let line = &muscle.line;
+        let length: f64 = line.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
+        let contraction = 1.02 - (line[line.len() - 1] - line[0]).norm() / length;
+        let load = plan.load(&[(&muscle.name, contraction)], &[]).unwrap();
+        let settings = fem::solve::Settings { tolerance: 1e-3, ..SETTINGS };
+        let done = Session::new(&plan, &settings, None).advance(&DriveFrame { time: 1.0, load });
+        assert!(done.errors.is_empty(), "{:?}", done.errors);
+        let way = &done.frame.islands[0];
+        assert_eq!((way.load_steps, way.retries), (1, 0), "{}: {way:?}", muscle.name);
     }
 }
