@@ -1,13 +1,18 @@
 //! Scenes: what they may say, what is refused, and what `plan`, `step` and `compare` make of them.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use coupling::cache::FOLDER;
 use coupling::compare::StressFree;
+use coupling::explain::explain;
 use coupling::scene::{Fibres, Scene};
 use coupling::steps::StepName;
+use coupling::study::Prepared;
+use fem::measure::nodal_forces;
 use fem::scene::ContactMode;
+use nalgebra::Vector3;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use support::{sartorius, shared};
@@ -267,5 +272,87 @@ fn calibrations_are_kept_and_change_no_byte() {
         assert!(again == first, "a damaged entry is computed anew");
         assert!(said.contains("damaged") && said.contains("gluteus_minimus"), "{said}");
         assert_eq!(fs::read_to_string(&entry).unwrap(), whole);
+    }
+}
+
+/// Files of a run that hold no times, by their path in its folder.
+fn timeless(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for sub in ["", "no_contact"] {
+        for entry in fs::read_dir(folder.join(sub)).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(folder).unwrap().to_str().unwrap().to_string();
+            let timed = ["run.json", "report.html", "no_contact/iterations.csv", "no_contact/thigh.json"];
+            if path.is_file() && !timed.contains(&name.as_str()) {
+                found.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn one_pass_of_two_way_coupling_is_the_one_way_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 18.0\n[effects]\ncontact = \"none\"\n";
+    fs::write(folder.path().join("two.toml"), scene).unwrap();
+    let run = |out: &str, more: &[&str]| {
+        let output = sartorius(&[&["compare", "two.toml", "--out", out], more].concat(), folder.path());
+        let code = output.status.code();
+        assert!(code == Some(0) || more.len() > 1 && code == Some(3), "{}", text(&output.stderr));
+        timeless(&folder.path().join(out))
+    };
+    let one_way = run("one", &[]);
+    let mut stopped = run("stopped", &["--two-way", "--passes", "1"]);
+    let passes = text(&stopped.remove("passes.csv").unwrap());
+    assert_eq!(passes.lines().count(), 2, "{passes}");
+    assert!(one_way.len() > 6 && one_way.contains_key("no_contact/thigh_0001.vtu"));
+    assert_eq!(one_way.keys().collect::<Vec<_>>(), stopped.keys().collect::<Vec<_>>());
+    for (name, bytes) in &one_way {
+        assert!(bytes == &stopped[name], "{name} differs");
+    }
+    // A second pass sees what the first one says, and does not change it.
+    let passes_of = |csv: &str| csv.lines().nth(1).unwrap().to_string();
+    let two = text(&run("two", &["--two-way", "--passes", "2"])["passes.csv"]);
+    assert_eq!(two.lines().count(), 3, "{two}");
+    assert_eq!(passes_of(&two), passes_of(&passes));
+}
+
+/// The contact resultant of a muscle is the sum of what contact does to its nodes, and what its bones have to hold.
+#[test]
+fn the_contact_resultant_of_a_muscle_is_held_by_its_bones() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 18.0\nstress_free = \"heel_strike\"\n\
+                 [[step]]\nname = \"heel_strike\"\n";
+    let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
+    let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
+    let study = prepared.solve([false, true], &folder.path().join("out"), false, &mut |_| ()).unwrap();
+    let (plan, result) = study.configurations[1].as_ref().unwrap();
+    let frame = result.at_steps().next().expect("solved");
+    let total = nodal_forces(plan, frame.snapshot());
+    let mut pushes = vec![Vector3::zeros(); plan.mesh.points.len()];
+    for island in &plan.islands {
+        let x: Vec<f64> =
+            island.nodes.iter().flat_map(|&n| frame.x[3 * n as usize..][..3].to_vec()).collect();
+        let gradient = island.contact_gradient(&x).expect("an island in contact");
+        for (&n, g) in island.nodes.iter().zip(gradient.chunks_exact(3)) {
+            pushes[n as usize] -= Vector3::from_column_slice(g);
+        }
+    }
+    let rows = explain(plan, &study.thigh, &study.calibration, &prepared.steps[0], frame);
+    assert_eq!(rows.len(), 2);
+    for (row, muscle) in rows.iter().zip(&study.thigh.muscles) {
+        let nodes = muscle.first_node..muscle.first_node + muscle.s.len() as u32 * muscle.nodes_per_layer;
+        let push: Vector3<f64> = nodes.map(|n| pushes[n as usize]).sum();
+        let said = row.contact.unwrap();
+        assert!(push.norm() > 5.0, "{}: {said} N, the test sees nothing", muscle.name);
+        assert!((said - push.norm()).abs() < 1e-6 * push.norm(), "{}: {said} and {push}", muscle.name);
+        // In equilibrium the bones, tendons included, hold what contact pushes; the solution ends at 0.1 N.
+        let own = format!("{}/", muscle.name);
+        let ties = study.thigh.scene.ties.iter().filter(|t| t.nodes.starts_with(&own));
+        let tied = ties.flat_map(|t| &plan.mesh.node_sets[&t.nodes]);
+        let held: Vector3<f64> =
+            tied.map(|&n| Vector3::from_column_slice(&total[3 * n as usize..][..3])).sum();
+        assert!((held + push).norm() < 1.0, "{}: held {held}, pushed {push}", muscle.name);
     }
 }

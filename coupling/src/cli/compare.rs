@@ -7,8 +7,8 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use fem::output::remove_run;
 
-use super::Outcome;
 use super::progress::Progress;
+use super::{Outcome, RunArguments};
 use crate::compare::{CompareError, StressFree};
 use crate::error::CommandError;
 use crate::explain::write_calibration;
@@ -25,9 +25,6 @@ use crate::two_way::{MOST_PASSES, Pass, TOLERANCE, write_passes};
 pub struct CompareArguments {
     /// Scene file (TOML), or the name of a shipped scene such as three_muscles. Default: the built-in walker.
     scene: Option<PathBuf>,
-    /// Folder of the recordings and surfaces that the scene names.
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
     /// Length of the edges of the mesh that is aimed at, in mm, in place of the scene's.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     resolution: Option<f64>,
@@ -46,15 +43,8 @@ pub struct CompareArguments {
     /// Passes of two-way coupling at most; the first is the one-way result.
     #[arg(long, value_name = "N", default_value_t = MOST_PASSES as u16, value_parser = clap::value_parser!(u16).range(1..=200))]
     passes: u16,
-    /// Folder for the results [default: out/compare-<scene>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Go on with a run of the same scene that was killed: its solved frames are taken over, the results are the same to the last bit.
-    #[arg(long)]
-    resume: bool,
-    /// Print the verdict as JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    run: RunArguments,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -82,7 +72,7 @@ impl CompareArguments {
     fn scene(&self) -> Result<(Scene, [bool; 2]), CommandError> {
         let mut scene = match &self.scene {
             None => Scene::walker(),
-            Some(file) => Scene::read(file, self.data.as_deref())?,
+            Some(file) => Scene::read(file, self.run.data.as_deref())?,
         };
         if let Some(mm) = self.resolution {
             if !RESOLUTIONS.contains(&mm) {
@@ -135,8 +125,6 @@ const FIRST_FACTOR: f64 = 0.5;
 /// Runs the command.
 pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
     let (scene, asked) = arguments.scene()?;
-    let folder = arguments.out.clone();
-    let folder = folder.unwrap_or_else(|| Path::new("out").join(format!("compare-{}", scene.name)));
     let two_way = arguments.two_way.map(|choice| {
         let scheme = match choice {
             SchemeChoice::IqnIls => Scheme::IqnIls(FIRST_FACTOR),
@@ -145,43 +133,31 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
         };
         (scheme, usize::from(arguments.passes))
     });
-    let ways = Ways { resume: arguments.resume, json: arguments.json, two_way };
-    carry_out("compare", scene, asked, arguments.data.as_deref(), &folder, ways)
+    carry_out("compare", scene, asked, &arguments.run, two_way)
 }
 
-/// How a scene is carried out.
-#[derive(Clone, Copy)]
-pub(super) struct Ways {
-    /// Solved frames of a killed run are taken over.
-    pub resume: bool,
-    /// The verdict is printed as JSON.
-    pub json: bool,
-    /// Two-way coupling: scheme and passes at most.
-    pub two_way: Option<(Scheme, usize)>,
-}
-
-/// Carries out a scene for `command` and says what came of it.
+/// Carries out a scene for `command` and says what came of it. `two_way`: scheme and passes at most.
 pub(super) fn carry_out(
     command: &str,
     scene: Scene,
     asked: [bool; 2],
-    data: Option<&Path>,
-    folder: &Path,
-    Ways { resume, json, two_way }: Ways,
+    arguments: &RunArguments,
+    two_way: Option<(Scheme, usize)>,
 ) -> Result<Outcome, CommandError> {
+    let folder = &arguments.folder(command, &scene.name);
     let mut record = RunRecord::new(command);
     let mut progress = Progress::new(&scene, asked);
-    let prepared = Prepared::new(scene, data, &mut |stage| progress.lap(stage))?;
+    let prepared = Prepared::new(scene, arguments.data.as_deref(), &mut |stage| progress.lap(stage))?;
     for file in &prepared.inputs {
         record.inputs.push(InputFile::of(file)?);
     }
     let mut out = OutputFolder::open(folder)?;
-    if !resume {
+    if !arguments.resume {
         for run in FOLDERS {
             remove_run(&folder.join(run), "thigh").map_err(CompareError::from)?;
         }
     }
-    let study = prepared.solve(asked, folder, resume, &mut |stage| progress.lap(stage))?;
+    let study = prepared.solve(asked, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
     record.seconds = progress.finish();
     let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
     let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
@@ -238,7 +214,7 @@ pub(super) fn carry_out(
     let record = write_compare(out, &report, record)?;
     let mut terminal = std::io::stdout().lock();
     // A reader that closes the pipe early is no error.
-    let _ = if json {
+    let _ = if arguments.json {
         let verdict = serde_json::json!({
             "scene": prepared.scene.name, "status": record.status, "reason": record.reason,
             "differences": record.verdict, "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),

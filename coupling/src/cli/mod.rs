@@ -8,9 +8,10 @@ mod plan;
 mod progress;
 mod step;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 use crate::error::CommandError;
 
@@ -21,6 +22,30 @@ pub enum Outcome {
     Solved,
     /// Results were written, but a verdict failed.
     NotSolved,
+}
+
+/// What the commands that carry out a scene have in common.
+#[derive(Args)]
+struct RunArguments {
+    /// Folder of the recordings and surfaces that the scene names.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Folder for the results [default: out/<command>-<scene>]; calibrations are kept beside it, in calibration-cache.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on with a run of the same scene that was killed: its solved frames are taken over, the results are the same to the last bit.
+    #[arg(long)]
+    resume: bool,
+    /// Print the verdict as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl RunArguments {
+    /// Folder for the results of `command` on a scene.
+    fn folder(&self, command: &str, scene: &str) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{command}-{scene}")))
+    }
 }
 
 #[derive(Parser)]

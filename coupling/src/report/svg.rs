@@ -1,4 +1,6 @@
-//! Small things that every figure needs: escaped text, short numbers, round ticks.
+//! Small things that every figure needs: escaped text, short numbers, round ticks, grid lines.
+
+use std::fmt::Write;
 
 /// Text that is safe inside HTML and inside quoted attributes.
 pub fn escape(text: &str) -> String {
@@ -75,6 +77,28 @@ impl Ticks {
     /// The label of a tick.
     pub fn label(&self, value: f64) -> String {
         if value.abs() >= 1e6 { significant(value, 2) } else { fixed(value, self.decimals) }
+    }
+}
+
+/// A grid line from `left` to `right` at every tick, with what `label` says of it in front; `y`: where a value lies.
+pub fn rows(
+    out: &mut String,
+    ticks: &Ticks,
+    [left, right]: [f64; 2],
+    y: impl Fn(f64) -> f64,
+    label: impl Fn(f64) -> String,
+) {
+    for &t in &ticks.at {
+        let _ = write!(
+            out,
+            "<path class=\"gridline\" d=\"M{} {}H{}\"/><text class=\"end\" x=\"{}\" y=\"{}\">{}</text>",
+            px(left),
+            px(y(t)),
+            px(right),
+            px(left - 5.0),
+            px(y(t) + 3.5),
+            label(t)
+        );
     }
 }
 

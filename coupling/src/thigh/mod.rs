@@ -7,7 +7,7 @@ pub mod trial;
 
 use std::path::{Path, PathBuf};
 
-use fem::mesh::muscle::attachment::Attachment;
+use fem::mesh::muscle::attachment::{Attachment, Site};
 use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
 use fem::mesh::muscle::limb::Limb;
 use fem::mesh::muscle::{Bone, Built, MuscleBlock, MuscleSections};
@@ -31,6 +31,9 @@ pub struct BuiltIn {
 /// Muscles whose drawn insertion is not trusted: semimembranosus is drawn onto the front of the tibia and not onto the back of the
 /// medial condyle (`gait-data/thigh/attachments.csv`, from gait2392).
 const AT_REFERENCE: [&str; 1] = ["semimembranosus"];
+
+/// Outline parameters of a whole side, just short of the full turn.
+const ALL_ROUND: [f64; 2] = [0.0, 13.999];
 
 /// The tables of the built-in thigh.
 pub fn limb() -> Result<Limb, MeshError> {
@@ -79,6 +82,12 @@ pub fn from_surfaces(
     ends.retain(|m| only.is_empty() || only.contains(&m.muscle));
     let Anatomy { muscles: sections, bones, files, .. } =
         Anatomy::read(muscles, bones, &ends, LengthUnit::Metre, &Settings::default())?;
-    let attachments = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
+    let mut attachments = Attachment::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
+    for a in &mut attachments {
+        // Outlines of a surface's sections begin anywhere, so no part of them is named: a side grows from its bone where that is near.
+        if let Site::SidePatch { outline, .. } = &mut a.site {
+            *outline = ALL_ROUND;
+        }
+    }
     Ok((from_limb(with_attachments(sections, bones, attachments), edge, &[], effects), files))
 }

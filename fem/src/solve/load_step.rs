@@ -119,6 +119,7 @@ impl Run<'_> {
                 }
             }
             let (det_before, _) = potential.least_det_f(x);
+            let displaces = potential.displaces(target);
             let mut length = 1.0;
             loop {
                 let load = if length == 1.0 { target } else { t + length * (target - t) };
@@ -133,7 +134,7 @@ impl Run<'_> {
                     break;
                 }
                 // Forces alone: Newton's first step predicts with the stiffness that they bring, and searches along its line.
-                if t == first && places.is_empty() && !potential.displaces(target) {
+                if t == first && places.is_empty() && !displaces {
                     potential.set_load(target, x);
                     return Ok(target);
                 }

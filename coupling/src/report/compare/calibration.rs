@@ -6,7 +6,7 @@ use super::{CompareReport, words};
 use crate::fibres::Calibration;
 use crate::report::anatomy::hue;
 use crate::report::page::{section, table};
-use crate::report::svg::{Ticks, escape, fixed, px, significant};
+use crate::report::svg::{Ticks, escape, fixed, px, rows, significant};
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 330.0;
@@ -115,18 +115,7 @@ fn figure(report: &CompareReport, all: &[Series], labels: [&str; 2], diagonal: b
         );
     }
     let vertical = Ticks::new(low[1], high[1], 6);
-    for &t in &vertical.at {
-        let _ = write!(
-            out,
-            "<path class=\"gridline\" d=\"M{} {}H{}\"/><text class=\"end\" x=\"{}\" y=\"{}\">{}</text>",
-            px(LEFT),
-            px(y(t)),
-            px(RIGHT),
-            px(LEFT - 5.0),
-            px(y(t) + 3.5),
-            vertical.label(t)
-        );
-    }
+    rows(&mut out, &vertical, [LEFT, RIGHT], y, |t| vertical.label(t));
     let _ = write!(
         out,
         "<text class=\"mid\" x=\"{}\" y=\"{}\">{}</text><text class=\"mid\" transform=\"translate(11 {}) rotate(-90)\">{}</text>",

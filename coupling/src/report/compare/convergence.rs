@@ -8,7 +8,7 @@ use fem::solve::Iteration;
 use super::{CONFIGURATIONS, CompareReport, frame_label};
 use crate::report::anatomy::hue;
 use crate::report::page::{grid, section};
-use crate::report::svg::{Ticks, escape, px};
+use crate::report::svg::{Ticks, escape, px, rows};
 
 const WIDTH: f64 = 384.0;
 const HEIGHT: f64 = 220.0;
@@ -66,18 +66,7 @@ fn figure(report: &CompareReport, run: &Run, step: usize, title: &str) -> Option
         escape(title)
     );
     let vertical = Ticks::new(low, high, 5);
-    for &t in &vertical.at {
-        let _ = write!(
-            out,
-            "<path class=\"gridline\" d=\"M{} {}H{}\"/><text class=\"end\" x=\"{}\" y=\"{}\">1e{}</text>",
-            px(LEFT),
-            px(y(t)),
-            px(RIGHT),
-            px(LEFT - 5.0),
-            px(y(t) + 3.5),
-            vertical.label(t)
-        );
-    }
+    rows(&mut out, &vertical, [LEFT, RIGHT], y, |t| format!("1e{}", vertical.label(t)));
     let horizontal = Ticks::new(0.0, (most - 1) as f64, 5);
     let whole = horizontal.at.iter().filter(|t| t.fract() == 0.0);
     for &t in whole {
