@@ -114,6 +114,40 @@ fn sections_of_a_spindle_are_its_ellipses() {
     assert!((fit.loft_volume / volume - 1.0).abs() < 0.03, "{} {volume}", fit.loft_volume);
 }
 
+/// A swelling shorter than the distance of the sections asked for: more are cut there, and the loft follows it.
+#[test]
+fn sections_are_added_where_the_loft_leaves_the_surface() {
+    let swollen = |height: f64| {
+        let surface = tube(48, 160, |x, phi| {
+            let (centre, along, out) = arc(x);
+            let side = along.cross(&out);
+            let size = swell(x) * (1.0 + height * (-((x - 0.55) / 0.07).powi(2)).exp());
+            centre + size * (0.015 * phi.cos() * out + 0.015 * phi.sin() * side)
+        });
+        surface.check().expect("a sound spindle");
+        SearchSurface::new(surface)
+    };
+    let settings = Settings { spacing: 60e-3, ..Settings::default() };
+    let cut = |surface: &SearchSurface| {
+        sections_from_surface("spindle", surface, [End::Tip, End::Tip], &settings).unwrap().0
+    };
+    let (smooth, surface) = (cut(&swollen(0.0)), swollen(0.6));
+    let sections = cut(&surface);
+    let in_swelling = |m: &MuscleSections| m.stations.iter().filter(|s| s.s > 0.4 && s.s < 0.7).count();
+    assert!(in_swelling(&sections) >= in_swelling(&smooth) + 2, "{} sections", in_swelling(&sections));
+    let loft = Loft::new(&sections);
+    let n = 60;
+    let mut off: Vec<f64> = (0..n * n)
+        .map(|i| {
+            let at = |i: usize| (i as f64 + 0.37) / n as f64;
+            let p = loft.point(14.0 * at(i / n), at(i % n)).position;
+            surface.nearest(&p).unwrap().0.distance
+        })
+        .collect();
+    off.sort_by(f64::total_cmp);
+    assert!(off[n * n * 95 / 100] < 1e-3, "95 % within {:.2} mm", 1e3 * off[n * n * 95 / 100]);
+}
+
 #[test]
 fn ends_say_which_way_a_muscle_runs() {
     let surface = spindle(0.02, 0.012);

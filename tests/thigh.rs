@@ -16,10 +16,14 @@ use coupling::scene::Fibres;
 use coupling::steps::{StepName, rigid_step};
 use coupling::steps::{rigid_muscles_at, rigid_muscles_standing};
 use coupling::study::SETTINGS;
-use coupling::thigh::build::ThighEffects;
+use coupling::thigh::build::{Thigh, ThighEffects, build, reaches};
+use coupling::thigh::lines::physiological_sections;
+use coupling::thigh::tendons::regions;
 use coupling::thigh::trial::{MuscleAlone, Task};
 use coupling::thigh_tables::{ATTACHMENTS, MUSCLE_SECTIONS};
 use fem::body::Wrench;
+use fem::geometry::{SearchSurface, Surface};
+use fem::measure::{Cut, nodal_forces, section_force};
 use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
 use fem::mesh::muscle::grid::{SectionKind, fill, layers};
@@ -455,4 +459,107 @@ fn a_muscle_alone_is_its_island_and_tightens_in_one_step() {
         let way = &done.frame.islands[0];
         assert_eq!((way.load_steps, way.retries), (1, 0), "{}: {way:?}", muscle.name);
     }
+
+const HEADS: [&str; 4] = ["rectus_femoris", "vastus_medialis", "vastus_intermedius", "vastus_lateralis"];
+
+/// The quadriceps pulling at the patella: forces through the ends of the heads \[N\] and the force on the patella.
+fn pull(thigh: &Thigh) -> ([Vector3<f64>; 4], Vector3<f64>) {
+    let plan = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap();
+    let controls = HEADS.map(|head| (head, 0.08));
+    let mut session = Session::new(&plan, &SETTINGS, None);
+    let done = session.advance(&DriveFrame { time: 1.0, load: plan.load(&controls, &[]).unwrap() });
+    assert!(done.errors.is_empty(), "{:?}", done.errors);
+    let at = done.frame.snapshot();
+    let heads = HEADS.map(|head| {
+        let muscle = thigh.muscles.iter().find(|m| m.name == head).unwrap();
+        let layer = muscle.line.len() - 2;
+        let effects = ["", "/fibres"].map(|part| format!("{head}{part}")).to_vec();
+        let cut = Cut { point: muscle.line[layer].into(), normal: muscle.tangent(layer).into(), effects };
+        Vector3::from(section_force(&plan, at, &cut).total.force)
+    });
+    let g = nodal_forces(&plan, at);
+    let ties = thigh.scene.ties.iter().filter(|t| t.body == "patella");
+    let nodes = ties.flat_map(|t| &plan.mesh.node_sets[&t.nodes]);
+    (
+        heads,
+        -nodes
+            .map(|&n| Vector3::from_column_slice(&g[3 * n as usize..3 * n as usize + 3]))
+            .sum::<Vector3<f64>>(),
+    )
+}
+
+#[test]
+fn four_heads_join_in_the_quadriceps_tendon() {
+    let only = HEADS.map(String::from);
+    let effects = ThighEffects { fibres: true, shells: false };
+    let made = coupling::thigh::built_in(10e-3, &only, effects).unwrap();
+    let thigh = &made.thigh;
+    assert_eq!(thigh.tendons.len(), 4);
+    for tendon in &thigh.tendons {
+        let block = thigh.mesh.blocks.iter().find(|b| b.name == regions(&tendon.muscle)[0]).unwrap();
+        let quality = thigh.mesh.quality(block).unwrap();
+        assert!(quality.least_scaled_jacobian >= 0.3 && quality.least_gauss_det > 0.0, "{}", tendon.muscle);
+    }
+    // Nothing runs through anything else but where a tendon begins and ends, by the exact test of triangles.
+    let surface = |name: &str, faces: Vec<[u32; 4]>| {
+        let (surface, _) = Surface::from_faces(&thigh.mesh.points, &faces);
+        (name.to_string(), SearchSurface::new(surface))
+    };
+    let muscles = HEADS.map(|head| surface(head, thigh.mesh.surfaces[&format!("{head}/surface")].clone()));
+    let tendons: Vec<_> = (thigh.tendons.iter())
+        .map(|t| surface(&t.muscle, thigh.mesh.block(&regions(&t.muscle)[0]).unwrap().boundary().unwrap()))
+        .collect();
+    for (i, (name, tendon)) in tendons.iter().enumerate() {
+        assert!(tendon.self_intersections().is_empty(), "{name}");
+        let other_muscles = muscles.iter().filter(|m| m.0 != *name);
+        for (other, skin) in other_muscles.chain(&tendons[i + 1..]) {
+            assert!(tendon.intersections(skin).is_empty(), "{name} and {other}");
+        }
+    }
+    // One tendon: what happens to one head, the others feel.
+    assert_eq!(thigh.scene.membranes.len(), 3);
+    let plan = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap();
+    assert_eq!(plan.islands.iter().filter(|i| i.n_unknowns() > 0).count(), 1);
+    // Strands to the same bone, a fan from each head to one point, as without footprints.
+    let mut plain = made.attachments.clone();
+    plain.iter_mut().for_each(|a| a.footprint = None);
+    let blocks: Vec<MuscleBlock> = made.built.muscles.iter().map(|m| m.block.clone()).collect();
+    let areas = physiological_sections();
+    let fans = build(&blocks, &plain, &|m| areas.get(m).copied(), &reaches(&made.bones), effects);
+    assert!(fans.tendons.is_empty());
+    let (heads, patella) = pull(thigh);
+    let (fan_heads, fan_patella) = pull(&fans);
+    let sum: Vector3<f64> = heads.iter().sum();
+    assert!((sum + patella).norm() < 1e-3 * sum.norm(), "heads {sum:?}, patella {patella:?}");
+    // The heads pull as they do at fans, and in nearly the same directions.
+    for (head, (here, there)) in HEADS.iter().zip(heads.iter().zip(&fan_heads)) {
+        assert!((here.norm() / there.norm() - 1.0).abs() < 0.15, "{head}: {here:?}, {there:?}");
+        assert!(here.angle(there).to_degrees() < 10.0, "{head}: {here:?}, {there:?}");
+    }
+    assert!(patella.angle(&fan_patella).to_degrees() < 3.0, "{patella:?}, {fan_patella:?}");
+}
+
+#[test]
+fn the_patellar_ligament_hangs_between_patella_and_tibia() {
+    let only = HEADS.map(String::from);
+    let made = coupling::thigh::built_in(16e-3, &only, ThighEffects { fibres: true, shells: false }).unwrap();
+    let (scene, mesh) = (&made.thigh.scene, &made.thigh.mesh);
+    let strands: Vec<_> =
+        scene.strands.iter().filter(|s| s.region.starts_with("patellar_ligament")).collect();
+    // In series with nothing: stiffness over length adds up to the 545 N/mm of the source.
+    let stiffness: f64 = strands
+        .iter()
+        .map(|strand| {
+            let [a, b] = mesh.block(&strand.region).unwrap().nodes[..] else { panic!("one line") };
+            let place = |n: u32| Vector3::from(mesh.points[n as usize]);
+            strand.stiffness / (place(b) - place(a)).norm()
+        })
+        .sum();
+    assert_eq!(strands.len(), 3);
+    assert!((stiffness - 545e3).abs() < 1.0, "{stiffness} N/m");
+    let bodies: Vec<&str> = (scene.ties.iter())
+        .filter(|t| t.nodes.starts_with("patellar_ligament"))
+        .map(|t| t.body.as_str())
+        .collect();
+    assert_eq!(bodies, ["patella", "shank"]);
 }

@@ -278,5 +278,6 @@ fn names_only() -> Thigh {
         mesh: Mesh::default(),
         scene: Default::default(),
         muscles: lines_of_muscles().into_keys().map(muscle).collect(),
+        tendons: Vec::new(),
     }
 }

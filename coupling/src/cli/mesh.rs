@@ -21,7 +21,7 @@ use crate::registration::{MeshFrames, Registration};
 use crate::report::mesh::{MeshReport, MeshSummary};
 use crate::steps::{RigidMuscle, rigid_muscles_standing};
 use crate::subject::{factors, limb_map};
-use crate::thigh::build::reaches;
+use crate::thigh::build::{ThighEffects, build as build_thigh, reaches, segment_of};
 use crate::thigh::inventory::inventory;
 use crate::thigh::lines::physiological_sections;
 use crate::{thigh, thigh_tables};
@@ -112,7 +112,11 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     let areas = physiological_sections();
     let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
     let known = |muscle: &str| if rigid.is_empty() { None } else { areas.get(muscle).copied() };
-    let stock = inventory(&blocks, &attachments, &known, &reaches(&bones), &rigid);
+    let grows = reaches(&bones);
+    let stock = inventory(&blocks, &attachments, &known, &grows, &rigid);
+    let owned: Vec<_> = blocks.iter().map(|block| (*block).clone()).collect();
+    let effects = ThighEffects { fibres: true, shells: true };
+    let thigh = build_thigh(&owned, &attachments, &known, &grows, effects);
     let settings = [
         ("Sections".to_string(), if stem.is_some() { name.clone() } else { "built-in thigh".into() }),
         ("Subject".to_string(), subject),
@@ -120,8 +124,14 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
         ("Bones".to_string(), bone_names),
         ("Rounds of separation".to_string(), built.rounds.to_string()),
     ];
-    let report =
-        MeshReport { name: &name, built: &built, bones: &bones, inventory: &stock, settings: &settings };
+    let report = MeshReport {
+        name: &name,
+        built: &built,
+        bones: &bones,
+        thigh: &thigh,
+        inventory: &stock,
+        settings: &settings,
+    };
     let summary = MeshSummary::of(&report);
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
     record.threads = rayon::current_num_threads();
@@ -240,17 +250,19 @@ fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Input, Comm
     })
 }
 
-/// The end faces of a muscle, where they are known to lie on a bone. Of which segment that is, is not known.
+/// The end faces of a muscle, where they are known to lie on a bone; of a bone that belongs to no segment of the leg, on a body of
+/// its name.
 fn end_faces(ends: &MuscleEnds) -> Vec<Attachment> {
     let face = |(role, bone): (Role, &Option<String>)| {
         Some(Attachment {
             muscle: ends.muscle.clone(),
             role,
             site: Site::EndFace,
-            segment: String::new(),
+            segment: segment_of(bone.as_ref()?).unwrap_or(bone.as_ref()?).to_string(),
             bone: bone.clone()?,
             tendon: Vec::new(),
             reference_point: None,
+            footprint: None,
         })
     };
     [Role::Origin, Role::Insertion].into_iter().zip(&ends.bones).filter_map(face).collect()
@@ -293,6 +305,14 @@ fn print(
         "  surface, volume   95 % of the nodes within {:.2} mm of the sections, volumes within {:.1} %",
         s.largest_p95_deviation_mm, s.largest_volume_error_percent
     )?;
+    if !report.thigh.tendons.is_empty() {
+        let least = report.thigh.tendons.iter().map(|t| t.least_scaled_jacobian).fold(1.0, f64::min);
+        writeln!(
+            out,
+            "  tendons           solid at {}, least scaled Jacobian {least:.2}",
+            report.thigh.tendons.iter().map(|t| t.muscle.replace('_', " ")).collect::<Vec<_>>().join(", ")
+        )?;
+    }
     writeln!(out, "  bones             at most {:.2} mm deep, at attached ends", s.deepest_bone_crossing_mm)?;
     writeln!(
         out,

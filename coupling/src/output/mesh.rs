@@ -5,7 +5,6 @@ use std::path::Path;
 use std::time::Instant;
 
 use fem::mesh::format::{abaqus, vtu};
-use fem::mesh::muscle::{MuscleBlock, to_mesh};
 use fem::mesh::quality::scaled_jacobian;
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use nalgebra::Vector3;
@@ -41,10 +40,9 @@ pub fn write_mesh(
     Ok(out.finish(&record)?)
 }
 
-/// Muscles and bones as one mesh.
+/// Muscles with fibres, shells and tendons, and bones, as one mesh.
 fn whole_mesh(report: &MeshReport) -> Mesh {
-    let blocks: Vec<MuscleBlock> = report.built.muscles.iter().map(|m| m.block.clone()).collect();
-    let mut mesh = to_mesh(&blocks);
+    let mut mesh = report.thigh.mesh.clone();
     for bone in report.bones {
         let shift = mesh.points.len() as u32;
         mesh.points.extend(&bone.surface.points);

@@ -58,6 +58,10 @@ pub(super) fn bone_colour(light: f64) -> String {
     format!("hsl(42 28% {:.0}%)", 60.0 + 32.0 * light)
 }
 
+fn tendon_colour(light: f64) -> String {
+    format!("hsl(210 30% {:.0}%)", 72.0 + 24.0 * light)
+}
+
 /// Colour keys of the muscles, in their order.
 pub fn legend(muscles: &[&MuscleBlock]) -> String {
     let mut out = String::from("<div class=\"keys\">");
@@ -73,8 +77,8 @@ pub fn legend(muscles: &[&MuscleBlock]) -> String {
     out
 }
 
-/// Muscles and bones seen from a side, every face of the mesh drawn; far faces first.
-pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], view: View) -> String {
+/// Muscles, bones and `tendons` (faces, and lines as faces of two corners) seen from a side, every face of the mesh drawn; far faces first.
+pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], tendons: &[Vec<Vector3<f64>>], view: View) -> String {
     let [right, up] = view.axes();
     let eye = view.towards_eye();
     let mut faces: Vec<(f64, Vec<[f64; 2]>, String)> = Vec::new();
@@ -101,6 +105,17 @@ pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], view: View) -> String {
             add(&bone.surface.corners(t), &bone_colour);
         }
     }
+    let flat = |p: &Vector3<f64>| [p.dot(&right), -p.dot(&up)];
+    for face in tendons {
+        // Both sides are seen, lines from everywhere.
+        let normal: Vector3<f64> = match face[..] {
+            [a, b, c, ..] => (b - a).cross(&(c - a)),
+            _ => eye,
+        };
+        let light = (normal.dot(&eye) / normal.norm()).abs();
+        let depth = face.iter().map(|p| p.dot(&eye)).sum::<f64>() / face.len() as f64;
+        faces.push((depth, face.iter().map(flat).collect(), tendon_colour(light)));
+    }
     faces.sort_by(|a, b| a.0.total_cmp(&b.0));
     // The frame holds the muscles; bones that reach farther down are cut off.
     let points = muscles.iter().flat_map(|m| &m.points).map(|p| {
@@ -117,7 +132,12 @@ pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], view: View) -> String {
         "<g stroke=\"#000\" stroke-opacity=\".28\" stroke-width=\".3\" stroke-linejoin=\"round\">\n",
     );
     for (_, corners, fill) in &faces {
-        let _ = writeln!(out, "<path fill=\"{fill}\" d=\"{}\"/>", frame.path(corners));
+        let line = if corners.len() == 2 {
+            format!(" stroke=\"{fill}\" stroke-opacity=\"1\" stroke-width=\"1.5\"")
+        } else {
+            String::new()
+        };
+        let _ = writeln!(out, "<path fill=\"{fill}\"{line} d=\"{}\"/>", frame.path(corners));
     }
     out.push_str("</g>\n</svg>\n");
     out

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::anatomy::{self, View};
 use super::page::{document, label_table, section, table};
 use super::svg::{escape, fixed};
+use crate::thigh::build::Thigh;
 use crate::thigh::inventory::{Hold, MuscleInventory};
 
 /// Where the section is drawn: the middle between hip and knee centre of the built-in thigh \[m\].
@@ -22,6 +23,8 @@ pub struct MeshReport<'a> {
     pub built: &'a Built,
     /// Bones that the muscles keep out of.
     pub bones: &'a [Bone],
+    /// Muscles with fibres, shells and tendons.
+    pub thigh: &'a Thigh,
     /// Fibres, attachments and lines of action, a row per muscle.
     pub inventory: &'a [MuscleInventory],
     /// Settings as label and value.
@@ -163,11 +166,12 @@ fn blocks<'a>(report: &MeshReport<'a>) -> Vec<&'a MuscleBlock> {
 
 fn pictures(report: &MeshReport) -> String {
     let muscles = blocks(report);
+    let tendons = report.thigh.tendon_faces();
     let figure =
         |title: &str, svg: String| format!("<figure><figcaption><b>{title}</b></figcaption>\n{svg}</figure>");
     let views = [
-        figure("From the front", anatomy::view(&muscles, report.bones, View::Front)),
-        figure("From the right", anatomy::view(&muscles, report.bones, View::Side)),
+        figure("From the front", anatomy::view(&muscles, report.bones, &tendons, View::Front)),
+        figure("From the right", anatomy::view(&muscles, report.bones, &tendons, View::Side)),
     ];
     let cut = figure(
         &format!("Section at y = {} mm, seen from above; the front is at the top", fixed(MID_THIGH * 1e3, 0)),
@@ -175,7 +179,11 @@ fn pictures(report: &MeshReport) -> String {
     );
     let row = format!("<div class=\"views\">\n{}\n{cut}</div>\n", views.join("\n"));
     let content = [anatomy::legend(&muscles), row].concat();
-    section("Pictures", "Every face and every cut cell of the mesh is drawn.", &content)
+    section(
+        "Pictures",
+        "Every face and every cut cell of the mesh is drawn; solid tendons and strands are pale.",
+        &content,
+    )
 }
 
 fn qualities(report: &MeshReport) -> String {

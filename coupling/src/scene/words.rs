@@ -78,10 +78,15 @@ impl Scene {
             "{n} muscles as hexahedra of mean dilatation, Mooney-Rivlin matrix (A = 3 kPa, B = 0.75 kPa), stiffer towards the ends; tied to bone where they grow from it."
         ));
         simulated.push("Bones as rigid bodies that follow the rigid leg.".into());
-        if !thigh.scene.strands.is_empty() {
+        let fans = thigh.scene.strands.iter().filter(|s| s.region.contains("/tendon_"));
+        let fans = fans.count() - thigh.tendons.len();
+        if fans > 0 {
+            simulated.push(format!("{fans} tendons as strands from the end of a muscle to its insertion."));
+        }
+        if !thigh.tendons.is_empty() {
             simulated.push(format!(
-                "{} tendons as strands from the end of a muscle to its insertion.",
-                thigh.scene.strands.len()
+                "Quadriceps tendon as a solid of {} heads sewn together at their edges, with fibres of 370 MPa; patellar ligament as three strands.",
+                thigh.tendons.len()
             ));
         }
         match self.fibres {

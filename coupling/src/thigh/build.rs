@@ -14,6 +14,8 @@ use fem::scene::{
 };
 use nalgebra::Vector3;
 
+use super::tendons::{TOE, Tendon, add_patellar_ligament, add_tendons, is_seam, regions};
+
 /// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa (`literature.md`, 1.2), and the
 /// Poisson's ratio that is near-incompressible enough (`feasibility.md`).
 pub const MATRIX: LawSpec = LawSpec::MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 };
@@ -100,6 +102,8 @@ pub struct Thigh {
     pub scene: Scene,
     /// The muscles.
     pub muscles: Vec<ThighMuscle>,
+    /// Their solid tendons.
+    pub tendons: Vec<Tendon>,
 }
 
 /// Segment that carries a bone of the tables.
@@ -132,6 +136,23 @@ impl Thigh {
         let lines = block.nodes.as_chunks::<2>().0.iter().zip(&spec.area);
         let volume: f64 = lines.map(|(&[a, b], area)| area * (at(b) - at(a)).norm()).sum();
         volume / (self.muscles[muscle].fibre_area * self.muscles[muscle].fibre_length)
+    }
+
+    /// Faces of the solid tendons and of what joins them, and the strands as pairs of points \[m\]: to be drawn.
+    pub fn tendon_faces(&self) -> Vec<Vec<Vector3<f64>>> {
+        let solid = self.tendons.iter().map(|t| regions(&t.muscle));
+        let inside: Vec<String> = solid.clone().map(|[_, fibres]| fibres).collect();
+        let strands = self.scene.strands.iter().map(|s| s.region.clone()).filter(|r| !inside.contains(r));
+        let seams = self.scene.membranes.iter().map(|m| m.region.clone()).filter(|r| is_seam(r));
+        let drawn: Vec<String> = solid.map(|[cells, _]| cells).chain(strands).chain(seams).collect();
+        let corners = |nodes: &[u32]| nodes.iter().map(|&n| self.mesh.points[n as usize].into()).collect();
+        let faces = |block: &CellBlock| -> Vec<Vec<Vector3<f64>>> {
+            match block.kind {
+                CellKind::Line2 => block.cells().map(corners).collect(),
+                _ => block.boundary().iter().flatten().map(|face| corners(face)).collect(),
+            }
+        };
+        self.mesh.blocks.iter().filter(|b| drawn.contains(&b.name)).flat_map(faces).collect()
     }
 
     /// Adds rigid bones and guarded contact of all muscles and bones. A bone that belongs to no segment is left out.
@@ -199,8 +220,10 @@ pub fn build(
     let mut mesh = to_mesh(blocks);
     let mut scene = Scene::default();
     let mut muscles = Vec::new();
+    let mut firsts = Vec::new();
     let mut first = 0;
     for block in blocks {
+        firsts.push(first);
         let mut muscle = ThighMuscle {
             name: block.name.clone(),
             line: block.centre_line(),
@@ -233,11 +256,20 @@ pub fn build(
                 law: MembraneLawSpec::NeoHookean { mu: SHELL_SHEAR },
             });
         }
-        attach(block, first, attachments, reaches, &mut mesh, &mut scene, &mut muscle);
+        tie(block, first, attachments, reaches, &mut mesh, &mut scene, &mut muscle);
         muscles.push(muscle);
         first += block.points.len() as u32;
     }
-    Thigh { mesh, scene, muscles }
+    let tendons = add_tendons(blocks, &firsts, attachments, &mut mesh, &mut scene);
+    for ((block, first), muscle) in blocks.iter().zip(firsts).zip(&muscles) {
+        let of_block = |a: &&Attachment| a.muscle == block.name && !a.tendon.is_empty();
+        let is_solid =
+            |a: &&Attachment| a.footprint.is_some() && tendons.iter().any(|t| t.muscle == block.name);
+        let left = attachments.iter().filter(of_block).filter(|a| !is_solid(a));
+        hang(block, first, left, muscle, &mut mesh, &mut scene);
+    }
+    add_patellar_ligament(attachments, &mut mesh, &mut scene);
+    Thigh { mesh, scene, muscles, tendons }
 }
 
 /// Adds the fibres of a muscle; returns their mean length \[m\].
@@ -268,8 +300,8 @@ fn add_fibres(block: &MuscleBlock, section: f64, first: u32, mesh: &mut Mesh, sc
     volume / section
 }
 
-/// Ties what grows from bone and hangs tendons on the rest.
-fn attach(
+/// Ties what grows from bone.
+fn tie(
     block: &MuscleBlock,
     first: u32,
     attachments: &[Attachment],
@@ -300,8 +332,20 @@ fn attach(
         scene.ties.push(TieSpec { nodes: set, body: segment.into() });
         muscle.tied.insert(segment.into(), nodes);
     }
-    for (k, a) in own().filter(|a| !a.tendon.is_empty()).enumerate() {
-        let nodes: Vec<u32> = a.nodes(block).into_iter().filter(|n| !taken.contains(n)).collect();
+}
+
+/// Hangs a muscle on bone by strands from nodes of its ends that are not tied, a fan of them per tendon.
+fn hang<'a>(
+    block: &MuscleBlock,
+    first: u32,
+    tendons: impl Iterator<Item = &'a Attachment>,
+    muscle: &ThighMuscle,
+    mesh: &mut Mesh,
+    scene: &mut Scene,
+) {
+    let taken: BTreeSet<u32> = muscle.tied.values().flatten().copied().collect();
+    for (k, a) in tendons.enumerate() {
+        let nodes: Vec<u32> = a.nodes(block).into_iter().filter(|n| !taken.contains(&(n + first))).collect();
         if nodes.is_empty() {
             continue;
         }
@@ -315,12 +359,7 @@ fn attach(
         let lines = nodes.iter().flat_map(|n| [n + first, on_bone]).collect();
         mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Line2, nodes: lines });
         let stiffness = TENDON_STIFFNESS / nodes.len() as f64;
-        scene.strands.push(StrandSpec {
-            region: region.clone(),
-            stiffness,
-            toe: 0.01,
-            reference_strain: 0.0,
-        });
+        scene.strands.push(StrandSpec { region: region.clone(), stiffness, toe: TOE, reference_strain: 0.0 });
         let set = format!("{region}/anchor");
         mesh.node_sets.insert(set.clone(), vec![on_bone]);
         scene.ties.push(TieSpec { nodes: set, body: a.segment.clone() });

@@ -3,6 +3,7 @@
 pub mod build;
 pub mod inventory;
 pub mod lines;
+pub mod tendons;
 pub mod trial;
 
 use std::path::{Path, PathBuf};

@@ -52,6 +52,17 @@ pub struct Attachment {
     pub tendon: Vec<Vector3<f64>>,
     /// Where the line of action of the rigid leg ends \[m\].
     pub reference_point: Option<Vector3<f64>>,
+    /// Where the tendon, if it is to be a solid, meets the bone.
+    pub footprint: Option<Footprint>,
+}
+
+/// A patch of bone on which a solid tendon ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    /// Middle \[m\].
+    pub centre: Vector3<f64>,
+    /// From there to its ends along the longer and the shorter side \[m\].
+    pub half_sides: [Vector3<f64>; 2],
 }
 
 /// Columns that are read.
@@ -185,6 +196,20 @@ fn attachment<'a>(cell: impl Fn(&str) -> &'a str) -> Result<Attachment, String> 
         "" => None,
         text => Some(point(text, "reference_point_mm")?),
     };
+    let footprint = match cell("footprint_mm") {
+        "" => None,
+        text => {
+            let parts: Vec<Vector3<f64>> =
+                text.split(';').map(|p| point(p, "footprint_mm")).collect::<Result<_, _>>()?;
+            let [centre, long, short] = parts[..] else {
+                return Err(format!("footprint_mm is `{text}`; give its middle and two half sides"));
+            };
+            if !(long.cross(&short).norm() > 0.0) {
+                return Err(format!("footprint_mm is `{text}`; its half sides span no area"));
+            }
+            Some(Footprint { centre, half_sides: [long, short] })
+        }
+    };
     Ok(Attachment {
         muscle: cell("muscle").into(),
         role,
@@ -193,5 +218,6 @@ fn attachment<'a>(cell: impl Fn(&str) -> &'a str) -> Result<Attachment, String> 
         bone: cell("bone").into(),
         tendon,
         reference_point,
+        footprint,
     })
 }

@@ -107,6 +107,10 @@ impl Limb {
         for a in &mut limb.attachments {
             let map = map.of(&a.segment).ok_or_else(|| unknown(&a.segment, "map"))?;
             a.tendon.iter_mut().chain(&mut a.reference_point).for_each(|p| *p = map.apply(p));
+            if let Some(footprint) = &mut a.footprint {
+                footprint.centre = map.apply(&footprint.centre);
+                footprint.half_sides = footprint.half_sides.map(|side| map.linear * side);
+            }
         }
         Ok(limb)
     }
@@ -130,7 +134,12 @@ impl Limb {
                 *s = s.map(|s| (s / kept).min(1.0));
             }
         }
-        self.attachments.push(Attachment { site: Site::EndFace, tendon: vec![point], ..row });
+        self.attachments.push(Attachment {
+            site: Site::EndFace,
+            tendon: vec![point],
+            footprint: None,
+            ..row
+        });
         Some(kept)
     }
 }

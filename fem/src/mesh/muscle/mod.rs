@@ -18,6 +18,7 @@ mod separate;
 mod shape;
 pub mod smooth;
 mod table;
+pub mod tendon;
 
 use nalgebra::Vector3;
 
