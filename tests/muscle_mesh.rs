@@ -15,7 +15,7 @@ use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::limb::LimbMap;
 use fem::mesh::muscle::scale::{SegmentFrame, SegmentMap, map_sections};
 use fem::mesh::muscle::smooth::{Plane, Smoother};
-use fem::mesh::muscle::{self, Bone, Loft, MuscleSections, grid};
+use fem::mesh::muscle::{self, Bone, Loft, MuscleSections, Station, grid};
 use multibody::model::{Ankle, Model};
 use multibody::walker::{Knee, walker};
 use nalgebra::{Matrix3, Vector3};
@@ -387,6 +387,33 @@ fn scaling_carries_a_muscle_with_its_segments() {
     let maps = &chain([one, long, one], knee_to)[..2];
     let moved = map_sections(adductor, maps, &[hip]);
     assert!((moved.stations[0].centre - adductor.stations[0].centre).norm() < 1e-6);
+}
+
+/// Between two segments a muscle follows w p″ + (1 − w) p′ with w = x² (3 − 2 x) over 60 mm of its length.
+#[test]
+fn a_muscle_passes_smoothly_from_one_segment_to_the_next() {
+    let station = |i: usize| {
+        let centre = Vector3::new(0.0, -5e-3 * i as f64, 0.0);
+        let corner = |k: usize| {
+            let (sin, cos) = (std::f64::consts::TAU * k as f64 / 14.0).sin_cos();
+            centre + Vector3::new(0.01 * cos, 0.0, 0.01 * sin)
+        };
+        let (normal, axis) = (-Vector3::y(), Vector3::z());
+        Station { s: i as f64 / 40.0, centre, normal, axis, outline: std::array::from_fn(corner) }
+    };
+    let column = MuscleSections { name: "column".into(), stations: (0..=40).map(station).collect() };
+    let still =
+        |to: Vector3<f64>| SegmentMap { linear: nalgebra::Matrix3::identity(), from: Vector3::zeros(), to };
+    let aside = Vector3::new(0.01, 0.0, 0.0);
+    let joint = Vector3::new(0.0, -0.1, 0.0);
+    let moved = map_sections(&column, &[still(Vector3::zeros()), still(aside)], &[joint]);
+    for (before, after) in column.stations.iter().zip(&moved.stations) {
+        let x = ((joint.y - before.centre.y) / 0.06 + 0.5).clamp(0.0, 1.0);
+        let w = x * x * (3.0 - 2.0 * x);
+        assert!((after.centre - before.centre - aside * w).norm() < 1e-12, "{x}: {:?}", after.centre);
+        let corners = after.outline.iter().zip(&before.outline);
+        corners.for_each(|(a, b)| assert!((a - b - aside * w).norm() < 1e-12));
+    }
 }
 
 #[test]

@@ -32,5 +32,6 @@ pub fn alone(thigh: &Thigh, muscle: usize) -> Thigh {
     let mut muscle = own.clone();
     number(&mut muscle.first_node);
     muscle.tied.values_mut().flatten().for_each(number);
-    Thigh { mesh, scene, muscles: vec![muscle] }
+    // Its solid tendon is in mesh and scene; what sews it to others is not.
+    Thigh { mesh, scene, muscles: vec![muscle], tendons: Vec::new() }
 }

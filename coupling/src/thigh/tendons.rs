@@ -23,6 +23,8 @@ const LEAST_LAYERS: usize = 2;
 pub(super) const TOE: f64 = 0.01;
 /// Neighbours are sewn together where their edges are nearer than this in the mean \[m\].
 const SEAM_REACH: f64 = 8e-3;
+/// How the regions of seams begin; they belong to no muscle.
+const SEAM: &str = "seam/";
 /// Thickness of a seam \[m\]: the distal quadriceps is drawn as sheets of 2 to 4 mm.
 const SEAM_THICKNESS: f64 = 3e-3;
 /// Shear modulus of a seam \[Pa\]: that of the end layers of the muscles, 40 times 2 (A + B). None is published.
@@ -59,7 +61,7 @@ pub fn regions(muscle: &str) -> [String; 2] {
 
 /// Whether a membrane is a seam between two tendons.
 pub fn is_seam(region: &str) -> bool {
-    region.split_once('/').is_some_and(|(_, part)| part.starts_with("seam_"))
+    region.starts_with(SEAM)
 }
 
 /// Adds the tendons of all insertions that have a footprint to mesh and scene, ties them to bone and sews neighbours together. `first`: the
@@ -167,7 +169,7 @@ fn sew(tendons: &[Tendon], mesh: &mut Mesh, scene: &mut Scene) {
             let side = a.layers.iter().zip(&b.layers).map(|(p, q)| [p[m as usize], q[n as usize]]);
             let side: Vec<[u32; 2]> = side.collect();
             let nodes = side.windows(2).flat_map(|w| [w[0][0], w[0][1], w[1][1], w[1][0]]).collect();
-            let region = format!("{}/seam_{}", a.muscle, b.muscle);
+            let region = format!("{SEAM}{}+{}", a.muscle, b.muscle);
             mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Quad4, nodes });
             scene.membranes.push(MembraneSpec {
                 region,
