@@ -87,7 +87,7 @@ pub struct MuscleAction {
     pub stretch: f64,
     /// Moment per joint coordinate \[N·m\].
     pub moments: DVector<f64>,
-    /// Resultant of its forces on all bones \[N\]: nothing, but for what contact carries.
+    /// Resultant of its forces on all bones \[N\]: nothing, but for what contact and the seams of its tendon carry.
     pub resultant: Vector3<f64>,
 }
 
