@@ -49,9 +49,8 @@ fn main() {
         );
     }
     println!(
-        "\nAlone, end faces held: increments / Newton iterations to {:.0e} of the forces in play, at least {LEAST_FORCE} N / least det F at \
+        "\nAlone, end faces held: increments / Newton iterations to {TOLERANCE:.0e} of the forces in play, at least {LEAST_FORCE} N / least det F at \
          Gauss points / corners turned over / force through the belly",
-        TOLERANCE
     );
     println!(
         "Stretched by 15 % of the straight line between the ends, fibres passive; first guess: the stretch spread over the length."

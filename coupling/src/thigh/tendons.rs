@@ -122,7 +122,7 @@ fn add_tendon(
     mesh.points.extend(slip.layers[1..].iter().flatten().map(|p| <[f64; 3]>::from(*p)));
     let solid = CellBlock { name: region.clone(), kind: CellKind::Hex8, nodes: cells };
     let shape = mesh.quality(&solid).map_or(0.0, |q| q.least_scaled_jacobian);
-    if !(shape >= LEAST_SHAPE) {
+    if shape.is_nan() || shape < LEAST_SHAPE {
         mesh.points.truncate(before as usize);
         return None;
     }

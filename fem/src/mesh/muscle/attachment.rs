@@ -204,7 +204,7 @@ fn attachment<'a>(cell: impl Fn(&str) -> &'a str) -> Result<Attachment, String> 
             let [centre, long, short] = parts[..] else {
                 return Err(format!("footprint_mm is `{text}`; give its middle and two half sides"));
             };
-            if !(long.cross(&short).norm() > 0.0) {
+            if long.cross(&short).norm() == 0.0 {
                 return Err(format!("footprint_mm is `{text}`; its half sides span no area"));
             }
             Some(Footprint { centre, half_sides: [long, short] })
