@@ -137,7 +137,7 @@ fn shipped_scenes_are_good_and_plans_name_what_is_left_out() {
     // What is absent costs nothing.
     assert!(seconds(&alone) > seconds(&passive) && seconds(&passive) > seconds(&rigid));
     assert!(seconds(&passive) > 3.0 * three["stages"][1]["expected_seconds"].as_f64().unwrap());
-    assert_eq!(seconds(&rigid), 0.0);
+    assert!(seconds(&rigid) < 0.5 && rigid["expected_meshing_seconds"] == 0.0);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "plan writes nothing");
     for entry in fs::read_dir(scenes()).unwrap() {
         let file = entry.unwrap().path();

@@ -2,11 +2,12 @@
 //!
 //! Every muscle is solved alone in the posture of the mesh, never in a posture that it is later compared in. Its fibres are curved and
 //! partly lie askew, so they are shorter when taut than in the mesh and pull harder than what comes through the belly: two numbers,
-//! [`Fit`], found at half activation. Other activations and lengths only show how good the fit is.
+//! [`Fit`], found with the force of half activation. Activations and lengths looked at then only show how good the fit is.
 
 use fem::body::Pose;
 use fem::plan::Plan;
 use fem::run::{DriveFrame, Frame, Session};
+use fem::scene::FibreLawSpec;
 use fem::solve::Settings;
 use rayon::prelude::*;
 
@@ -102,38 +103,41 @@ pub fn calibrate_hill(
 ) -> Result<Vec<Calibrated>, CalibrationError> {
     let settings = Settings { tolerance: TOLERANCE, ..*settings };
     let one = |i: usize| {
-        let unit = &units[i];
-        let raw = with_laws(&alone(thigh, i), std::slice::from_ref(unit), scale, &[Fit::default()]);
-        let find = || calibrate_one(&raw, unit, scale, postures, &settings);
+        let (muscle, unit) = (alone(thigh, i), &units[i]);
+        let find = || calibrate_one(&muscle, unit, scale, postures, &settings);
         let Some(cache) = cache else { return find() };
         let name = &thigh.muscles[i].name;
         let there: Vec<_> = postures.iter().map(|p| (&p.name, p.poses, p.muscle(name))).collect();
-        let rest = format!("Hill {scale:?}{unit:?}{:?}{:?}{there:?}{settings:?}", raw.scene, raw.muscles);
-        cache.get_or(&content_hash(&raw.mesh, &rest), &format!("the calibration of {name}"), find)
+        let rest =
+            format!("Hill {scale:?}{unit:?}{:?}{:?}{there:?}{settings:?}", muscle.scene, muscle.muscles);
+        cache.get_or(&content_hash(&muscle.mesh, &rest), &format!("the calibration of {name}"), find)
     };
     // One muscle after the other on each core: they differ tenfold in work.
     let all: Vec<_> = (0..units.len()).into_par_iter().with_max_len(1).map(one).collect();
     all.into_iter().collect()
 }
 
-/// `raw`: a muscle alone with the law that it has before it is calibrated.
+/// Calibrates the only muscle of `thigh`.
 fn calibrate_one(
-    raw: &Thigh,
+    thigh: &Thigh,
     unit: &MuscleUnit,
     scale: f64,
     postures: &[Posture],
     settings: &Settings,
 ) -> Result<Calibrated, CalibrationError> {
-    let muscle = &raw.muscles[0];
+    let muscle = &thigh.muscles[0];
     let length = muscle.fibre_length / scale;
-    let plan = Plan::new(&raw.scene, raw.mesh.clone())?;
-    let taut = look(raw, &plan, Session::new(&plan, settings, None), FITTED_AT, None)?;
-    let fit =
-        Fit { rest: taut.stretch, gain: unit.force((taut.stretch - 1.0) * length, FITTED_AT) / taut.force };
+    let wanted = unit.force(0.0, FITTED_AT);
+    // Pulled taut by the wanted force whatever the length of the fibres: where they are as long as the lines is found only here.
+    let mut pulled = thigh.clone();
+    pulled.set_fibre_law(0, constant_tension(wanted / muscle.fibre_area));
+    let plan = Plan::new(&pulled.scene, pulled.mesh.clone())?;
+    let taut = look(&pulled, &plan, Session::new(&plan, settings, None), FITTED_AT, None)?;
+    let fit = Fit { rest: taut.stretch, gain: wanted / taut.force };
     if !(0.2..5.0).contains(&fit.gain) {
         return Err(CalibrationError::Gain { muscle: muscle.name.clone(), gain: fit.gain });
     }
-    let thigh = with_laws(raw, std::slice::from_ref(unit), scale, &[fit]);
+    let thigh = with_laws(thigh, std::slice::from_ref(unit), scale, &[fit]);
     let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
     let fitted = look(&thigh, &plan, Session::from_frame(&plan, settings, &taut.frame, 0), FITTED_AT, None)?;
     let sample = |seen: &Seen, activation: f64, posture: Option<&Posture>| {
@@ -156,6 +160,15 @@ fn calibrate_one(
         samples.push(sample(&seen, activation, posture));
     }
     Ok(Calibrated { muscle: muscle.name.clone(), fit, samples })
+}
+
+/// The same stress \[Pa\] at every length, from the activation of the fit on.
+fn constant_tension(stress: f64) -> FibreLawSpec {
+    FibreLawSpec::ForceLength {
+        stretch: vec![0.1, 3.0],
+        activation: vec![0.0, FITTED_AT],
+        stress: vec![vec![0.0; 2], vec![stress; 2]],
+    }
 }
 
 /// A muscle in equilibrium.

@@ -179,8 +179,8 @@ impl TwoWay<'_> {
         (stretch - self.fits[muscle].rest) * self.thigh.muscles[muscle].fibre_length / self.scale
     }
 
-    /// The capacity that was seen, scaled, all steps and muscles one after the other. Lever arms of muscles with hardly any force stay as in
-    /// `before`.
+    /// The capacity that was seen, scaled, all steps and muscles one after the other. Of muscles with hardly any force lever arms, length
+    /// and share stay as in `before`: a slack one hangs as it may, and not where it would pull.
     fn capacity(
         &self,
         seen: &[Vec<MuscleAction>],
@@ -191,10 +191,11 @@ impl TwoWay<'_> {
         for k in 0..self.steps.len() {
             for (m, action) in seen[k].iter().enumerate() {
                 let at = N * (k * self.thigh.muscles.len() + m);
-                x[at] = self.shift(m, action.stretch) / LENGTH;
                 x[at + 1] = action.tissue / FORCE;
-                let tension = self.units[m].force(self.shift(m, action.stretch), drives[k][m]);
+                let shift = self.shift(m, action.stretch);
+                let tension = self.units[m].force(shift, drives[k][m]);
                 if tension >= LEAST_TENSION {
+                    x[at] = shift / LENGTH;
                     x[at + 2] = ((action.force - action.tissue) / tension - 1.0) / SHARE;
                 }
                 if let Some(arms) = action.lever_arms() {
@@ -205,13 +206,18 @@ impl TwoWay<'_> {
         x
     }
 
-    /// Capacity before anything is seen: of the lever arms the mean over the lines, each with its strength.
+    /// Capacity before anything is seen: lengths of the lines, and of their lever arms the mean, each with its strength.
     fn nominal(&self) -> Result<DVector<f64>, CommandError> {
         let mut x = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
         for (k, step) in self.steps.iter().enumerate() {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
             for m in 0..self.thigh.muscles.len() {
                 let lines = self.lines(m);
+                if let Some(rigid) = step.muscle(&self.thigh.muscles[m].name) {
+                    let unit = &self.units[m];
+                    x[N * (k * self.thigh.muscles.len() + m)] =
+                        (unit.fibre_length_at(rigid) - unit.fibre_length(0.0)) / LENGTH;
+                }
                 let f_max = |i: &usize| self.done.model.muscles[*i].f_max;
                 let strength: f64 = lines.iter().map(f_max).sum();
                 for c in 0..MOVED {

@@ -15,15 +15,18 @@ use crate::scene::{Fibres, Scene};
 use crate::study::Prepared;
 
 /// Newton iterations of a muscle in one frame, and of the whole thigh in contact: middle of the measured ones, which spread fivefold.
-const ITERATIONS: [f64; 2] = [40.0, 150.0];
-/// The same in a frame of the calibration, whose muscles are taut.
-const TAUT: f64 = 6.0;
+const ITERATIONS: [f64; 2] = [30.0, 150.0];
+/// The same without fibres: nothing holds a slack muscle taut.
+const SLACK: f64 = 100.0;
+/// Newton iterations of a muscle in its calibration, all solutions together, weighted with its elements.
+const CALIBRATION: f64 = 60.0;
 /// Floating-point operations of a factorization per second and core, as measured.
 const FLOPS: f64 = 2e9;
 /// Seconds of one core per element and iteration for assembly and line search, as measured; contact looks at surfaces too.
 const ASSEMBLY: [f64; 2] = [6e-5, 1.8e-4];
-/// Frames of the calibration, which solves every muscle alone.
-const CALIBRATION: f64 = 8.0;
+/// Seconds of the rigid leg, and of one core per element for meshing, as measured.
+const RIGID_LEG: f64 = 0.2;
+const MESHING: f64 = 5.7e-4;
 /// Memory of the program with mesh and page but without any matrix \[bytes per element, bytes\].
 const MEMORY: [f64; 2] = [6e3, 4e7];
 
@@ -98,14 +101,19 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
         let steps = scene.steps.len() as f64;
         if scene.fibres != Fibres::None {
             let alone = prepared.plan(&prepared.thigh, 0)?;
-            costs.push(("calibration", Cost::of(&alone, 0, elements, TAUT * CALIBRATION)));
+            costs.push(("calibration", Cost::of(&alone, 0, elements, CALIBRATION)));
         }
         for c in (0..2).filter(|c| asked[*c]) {
             let plan = prepared.plan(&prepared.thigh, c)?;
-            costs.push((CONFIGURATIONS[c], Cost::of(&plan, c, elements, ITERATIONS[c] * steps)));
+            let iterations = match (c, scene.fibres) {
+                (0, Fibres::None) => SLACK,
+                _ => ITERATIONS[c],
+            };
+            costs.push((CONFIGURATIONS[c], Cost::of(&plan, c, elements, iterations * steps)));
         }
     }
-    let seconds = costs.iter().map(|c| c.1.seconds).fold(0.0, |sum, s| sum + s);
+    let meshing = MESHING * elements as f64 / rayon::current_num_threads() as f64;
+    let seconds = costs.iter().map(|c| c.1.seconds).fold(RIGID_LEG + meshing, |sum, s| sum + s);
     let memory = costs.iter().map(|c| c.1.memory_mib).fold(MEMORY[1] / f64::from(1 << 20), f64::max);
     let mut out = std::io::stdout().lock();
     // A reader that closes the pipe early is no error.
@@ -122,11 +130,11 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
         let plan = json!({
             "scene": scene.name, "settings": scene.settings(), "simulated": simulated, "left_out": left_out,
             "elements": elements, "nodes": prepared.thigh.mesh.points.len(), "stages": stages,
-            "expected_memory_mib": memory, "expected_seconds": seconds,
+            "expected_meshing_seconds": meshing, "expected_memory_mib": memory, "expected_seconds": seconds,
         });
         writeln!(out, "{}", serde_json::to_string_pretty(&plan).expect("plain data"))
     } else {
-        print(&mut out, &prepared, &simulated, &left_out, &costs, memory, seconds)
+        print(&mut out, &prepared, &simulated, &left_out, &costs, memory, [meshing, seconds])
     };
     Ok(Outcome::Solved)
 }
@@ -138,7 +146,7 @@ fn print(
     left_out: &[(String, String)],
     costs: &[(&str, Cost)],
     memory: f64,
-    seconds: f64,
+    [meshing, seconds]: [f64; 2],
 ) -> std::io::Result<()> {
     let scene = &prepared.scene;
     writeln!(w, "scene {}", scene.name)?;
@@ -154,7 +162,7 @@ fn print(
         writeln!(w, "  {what}: {why}")?;
     }
     let nodes = prepared.thigh.mesh.points.len();
-    writeln!(w, "\nwork: {} elements, {nodes} nodes", prepared.n_elements())?;
+    writeln!(w, "\nwork: {} elements, {nodes} nodes, meshed in about {meshing:.0} s", prepared.n_elements())?;
     for (name, c) in costs {
         writeln!(
             w,
