@@ -104,7 +104,8 @@ impl TwoWay<'_> {
         }
         let mut fixed_point = FixedPoint::new(scheme);
         let drives: Vec<Vec<f64>> = (0..self.steps.len()).map(|k| self.drives(self.at_step(k))).collect();
-        let mut x = self.capacity(&seen, &self.nominal()?, &drives);
+        let (mut x, mut shown) = self.capacity(&seen, &self.nominal()?, &drives);
+        let mut ever = shown.clone();
         let mut sessions: Vec<Session> = Vec::new();
         for (k, _) in self.steps.iter().enumerate() {
             let mut session = Session::new(self.plan, self.settings, None);
@@ -125,7 +126,7 @@ impl TwoWay<'_> {
                 seen.push(actions(self.plan, self.thigh, solved.snapshot(), &twists[k]));
                 shared.push(f);
             }
-            let image = self.capacity(&seen, &x, &drives);
+            let (image, shows) = self.capacity(&seen, &x, &drives);
             let change = (&image - &x).norm() / image.norm();
             let mut pass = self.pass(Some(change), &shared, &seen)?;
             pass.changed_most = Some(self.name_of((&image - &x).iamax()));
@@ -133,7 +134,15 @@ impl TwoWay<'_> {
             if change < TOLERANCE {
                 break;
             }
+            // With other muscles at work it is another problem, of which the history knows nothing.
+            if shows != shown {
+                fixed_point = FixedPoint::new(scheme);
+            }
             x = fixed_point.next(&x, &image);
+            for i in (0..x.len()).filter(|&i| shows[i] && !std::mem::replace(&mut ever[i], true)) {
+                x[i] = image[i]; // seen for the first time: there is nothing to relax from
+            }
+            shown = shows;
         }
         Ok(passes)
     }
@@ -180,30 +189,31 @@ impl TwoWay<'_> {
     }
 
     /// The capacity that was seen, scaled, all steps and muscles one after the other. Of muscles with hardly any force lever arms, length
-    /// and share stay as in `before`: a slack one hangs as it may, and not where it would pull.
+    /// and share stay as in `before`: a slack one hangs as it may, and not where it would pull. Second: which numbers were seen.
     fn capacity(
         &self,
         seen: &[Vec<MuscleAction>],
         before: &DVector<f64>,
         drives: &[Vec<f64>],
-    ) -> DVector<f64> {
-        let mut x = before.clone();
+    ) -> (DVector<f64>, Vec<bool>) {
+        let (mut x, mut seen_now) = (before.clone(), vec![false; before.len()]);
+        let mut set = |i: usize, value: f64| (x[i], seen_now[i]) = (value, true);
         for k in 0..self.steps.len() {
             for (m, action) in seen[k].iter().enumerate() {
                 let at = N * (k * self.thigh.muscles.len() + m);
-                x[at + 1] = action.tissue / FORCE;
+                set(at + 1, action.tissue / FORCE);
                 let shift = self.shift(m, action.stretch);
                 let tension = self.units[m].force(shift, drives[k][m]);
                 if tension >= LEAST_TENSION {
-                    x[at] = shift / LENGTH;
-                    x[at + 2] = ((action.force - action.tissue) / tension - 1.0) / SHARE;
+                    set(at, shift / LENGTH);
+                    set(at + 2, ((action.force - action.tissue) / tension - 1.0) / SHARE);
                 }
                 if let Some(arms) = action.lever_arms() {
-                    (0..MOVED).for_each(|c| x[at + 3 + c] = arms[c] / ARM);
+                    (0..MOVED).for_each(|c| set(at + 3 + c, arms[c] / ARM));
                 }
             }
         }
-        x
+        (x, seen_now)
     }
 
     /// Capacity before anything is seen: lengths of the lines, and of their lever arms the mean, each with its strength.
