@@ -1,7 +1,7 @@
 //! Scenes with contact: nothing passes through, forces are those of mechanics, mistakes are named.
 
 use fem::measure::{contact_tractions, nodal_forces, pair_forces, support_wrench};
-use fem::mesh::Mesh;
+use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
 use fem::run::{Drive, run};
 use fem::scene::*;
@@ -19,19 +19,30 @@ fn blocks_contact() -> ContactSpec {
 /// Gradient and Hessian of the whole contact potential, with samples over faces, edges and corners.
 #[test]
 fn the_contact_potential_of_two_surfaces_has_exact_derivatives() {
+    contact_has_exact_derivatives(&["lower_z_max", "upper_z_min"], 2.5e-3, 0.0);
+}
+
+/// The same of softened contact, with samples of each block inside the other.
+#[test]
+fn softened_contact_has_exact_derivatives_in_penetrations() {
+    contact_has_exact_derivatives(&["lower_block", "upper_block"], 5.5e-3, 0.3);
+}
+
+/// Two blocks 4.5 mm apart, one moved by `closer` \[m\] towards the other, and at random.
+fn contact_has_exact_derivatives(surfaces: &[&str], closer: f64, floor: f64) {
     let mut random = Random::new(2);
-    let spec = ContactSpec { distance: 4e-3, ..blocks_contact() };
+    let spec = ContactSpec { distance: 4e-3, ..ContactSpec::new(surfaces) };
     let (scene, mut mesh) = two_blocks([[2, 2, 1], [3, 3, 1]], 4.5e-3, spec);
     mesh.points.iter_mut().for_each(|p| (0..3).for_each(|c| p[c] += 4e-4 * random.uniform()));
     let plan = plan(&scene, &mesh);
     let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
-    let upper = plan.mesh.node_sets["upper_z_max"].clone();
+    let n_upper = plan.mesh.node_sets["upper_z_max"].len() * 2;
     let X = plan.reference();
     let (mut worst, mut worst_second, mut seen) = (f64::MAX, f64::MAX, 0);
     for _ in 0..20 {
         let mut x = X.clone();
-        let slide = [3e-3 * random.uniform(), 3e-3 * random.uniform(), -2.5e-3];
-        for n in mesh.points.len() - 4 * upper.len() / 2..mesh.points.len() {
+        let slide = [3e-3 * random.uniform(), 3e-3 * random.uniform(), -closer];
+        for n in mesh.points.len() - n_upper..mesh.points.len() {
             (0..3).for_each(|c| x[3 * n + c] += slide[c] + 2e-4 * random.uniform());
         }
         let n = x.len();
@@ -40,15 +51,16 @@ fn the_contact_potential_of_two_surfaces_has_exact_derivatives() {
         let at = |h: f64| -> Vec<f64> { x.iter().zip(&direction).map(|(x, d)| x + h * d).collect() };
         let gradient = |x: &[f64]| {
             let mut g = vec![0.0; n];
-            contact.add_gradient(x, &mut g);
+            contact.add_gradient(x, floor, &mut g);
             g
         };
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        assert!(contact.energy(&x) > 0.0, "the surfaces are within reach");
+        assert!(contact.energy(&x, floor) > 0.0, "the surfaces are within reach");
+        assert!(floor > 0.0 || contact.energy(&x, floor).is_finite());
         let h = 1e-7;
-        worst = worst.min(taylor_order(|h| contact.energy(&at(h)), dot(&gradient(&x), &direction), h));
+        worst = worst.min(taylor_order(|h| contact.energy(&at(h), floor), dot(&gradient(&x), &direction), h));
         let mut product = vec![0.0; n];
-        for ([i, j], block) in contact.hessian(&x, 0.0) {
+        for ([i, j], block) in contact.hessian(&x, floor, 0.0) {
             for e in 0..9 {
                 product[3 * i as usize + e / 3] += block[e] * direction[3 * j as usize + e % 3];
             }
@@ -66,6 +78,39 @@ fn the_contact_potential_of_two_surfaces_has_exact_derivatives() {
     );
     assert!(worst > 1.9, "gradient: order {worst}");
     assert!(seen >= 17, "Hessian exact in {seen} of 20 states, {worst_second}");
+}
+
+/// A block is dragged over the waves of another, by twelve times the gap and more than the length of its cells: in one step, for
+/// which softened contact finds the guess, and in many short ones, which need none.
+#[test]
+fn a_long_slide_ends_where_many_short_ones_do() {
+    let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
+    let parts =
+        [("lower", [8, 4, 2], [0.04, 0.02, 0.01], 0.0), ("upper", [4, 3, 2], [0.012, 0.01, 0.008], 0.0112)];
+    for (name, n, size, z) in parts {
+        let law = LawSpec::NeoHookean { young: 20e3, nu: 0.45 };
+        add(&mut scene, &mut mesh, name, generate::block(n, size), [0.002, 0.0, z], law);
+    }
+    for p in mesh.points.iter_mut().filter(|p| p[2] < 0.0105) {
+        p[2] *= 1.0 + 0.05 * (400.0 * p[0]).sin();
+    }
+    scene.prescribed.push(held("lower_z_min", [true; 3]));
+    scene.prescribed.push(moved("upper_z_max", [true; 3], [0.015, 0.002, -0.0015], "slide"));
+    scene.contact = Some(ContactSpec::new(&["lower_block", "upper_block"]));
+    let plan = plan(&scene, &mesh);
+    let end = |steps: usize| {
+        let out = guarded(&plan, &ramp(&plan, &[("slide", 1.0)], &[], steps), &Settings::default());
+        let out = out.unwrap_or_else(|e| panic!("{steps} steps: {e}"));
+        let last = out.last().expect("a frame");
+        println!(
+            "{steps} steps: {} iterations",
+            out.frames.iter().flat_map(|f| &f.islands).map(|i| i.iterations).sum::<usize>()
+        );
+        last.x.clone()
+    };
+    let (one, many) = (end(1), end(30));
+    let apart = one.iter().zip(&many).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 1e-7, "nodes end {apart} m apart");
 }
 
 /// b06: compression to 0.70 with unequal meshes.

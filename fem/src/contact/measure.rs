@@ -26,7 +26,7 @@ impl Contact {
     /// Contact of every pair of surfaces that are within reach of each other, with the nodes at `x`; moments about `about` \[m\].
     pub fn pair_forces(&self, x: &[f64], about: [f64; 3]) -> Vec<PairForce> {
         let all = &self.surfaces;
-        let terms = self.terms(x);
+        let terms = self.terms(x, 0.0);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let mut pairs = BTreeMap::<[usize; 2], PairForce>::new();
         let mut pressures = BTreeMap::<(u32, usize), f64>::new();
@@ -72,7 +72,7 @@ impl Contact {
     /// nothing presses. The force is that of all that touches the surface.
     pub fn pressures(&self, surface: usize, x: &[f64]) -> Vec<(u32, [f64; 3])> {
         let mut g = vec![0.0; x.len()];
-        self.add_gradient(x, &mut g);
+        self.add_gradient(x, 0.0, &mut g);
         let mut areas = BTreeMap::<u32, f64>::new();
         for p in self.surfaces.list[surface].samples.clone() {
             for (node, weight) in self.surfaces.points[p].parts() {

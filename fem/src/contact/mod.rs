@@ -23,6 +23,7 @@ pub mod ccd;
 pub mod closest;
 mod measure;
 mod penalty;
+mod soft;
 mod start;
 pub mod stencil;
 pub mod surface;
@@ -95,6 +96,8 @@ pub struct Contact {
 struct Terms {
     /// Positions of the local nodes \[m\].
     x: Vec<f64>,
+    /// Share of the activation distance below which the barriers are softened; 0: nowhere.
+    floor: f64,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
     stencils: Vec<Stencil>,
@@ -189,18 +192,19 @@ impl Contact {
     }
 
     /// Terms of the potential at positions `x` \[m\] of the local nodes.
-    fn terms(&self, x: &[f64]) -> Arc<Terms> {
+    fn terms(&self, x: &[f64], floor: f64) -> Arc<Terms> {
         let held = || self.last.lock().expect("no thread panics while it holds the terms");
         let last = held().clone();
-        if last.x == x {
+        if last.x == x && last.floor == floor {
             return last;
         }
         let p = self.surfaces.positions(x);
         let stencils = match self.mode {
+            Mode::Guarded if floor > 0.0 => self.soft_barriers(&p, floor),
             Mode::Guarded => self.barriers(&p),
             Mode::Cheap => self.springs(&p),
         };
-        let terms = Arc::new(Terms { x: x.to_vec(), p, stencils });
+        let terms = Arc::new(Terms { x: x.to_vec(), floor, p, stencils });
         *held() = terms.clone();
         terms
     }
@@ -208,18 +212,24 @@ impl Contact {
     /// Barriers of the guarded mode with the collision points at `p`.
     fn barriers(&self, p: &[Vector3<f64>]) -> Vec<Stencil> {
         let near = self.candidates(p);
-        let of_samples: Vec<&[[u32; 2]]> = near.point_triangle.chunk_by(|a, b| a[0] == b[0]).collect();
+        let samples = self.sample_barriers(&near.point_triangle, p);
+        let edges = near
+            .edge_edge
+            .par_chunks(512)
+            .map(|chunk| chunk.iter().filter_map(|&[e, f]| self.edge_stencil(e, f, p)).collect::<Vec<_>>());
+        let edges: Vec<Vec<Stencil>> = edges.collect();
+        [samples, edges.concat()].concat()
+    }
+
+    /// Barriers of the samples in the list `near` of (sample, triangle), ascending.
+    fn sample_barriers(&self, near: &[[u32; 2]], p: &[Vector3<f64>]) -> Vec<Stencil> {
+        let of_samples: Vec<&[[u32; 2]]> = near.chunk_by(|a, b| a[0] == b[0]).collect();
         let samples = of_samples.par_chunks(128).map(|chunk| {
             let mut out = Vec::new();
             chunk.iter().for_each(|list| self.sample_stencils(list, p, &mut out));
             out
         });
-        let edges = near
-            .edge_edge
-            .par_chunks(512)
-            .map(|chunk| chunk.iter().filter_map(|&[e, f]| self.edge_stencil(e, f, p)).collect::<Vec<_>>());
-        let all: Vec<Vec<Stencil>> = samples.chain(edges).collect();
-        all.concat()
+        samples.collect::<Vec<_>>().concat()
     }
 
     /// Terms of one sample: triangles within reach, less the edges they share, plus the corners.
@@ -315,9 +325,9 @@ impl Contact {
         all.list[all.surface(p)].stiffness.min(all.list[all.surface(q)].stiffness)
     }
 
-    /// Π \[J\].
-    pub fn energy(&self, x: &[f64]) -> f64 {
-        let terms = self.terms(x);
+    /// Π \[J\]. With `floor` above zero the softened one of the guarded mode, see [`soft`].
+    pub fn energy(&self, x: &[f64], floor: f64) -> f64 {
+        let terms = self.terms(x, floor);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let energies: Vec<f64> = stencils
             .par_iter()
@@ -328,8 +338,8 @@ impl Contact {
     }
 
     /// Adds ∂Π/∂x \[N\] over the local nodes.
-    pub fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
-        let terms = self.terms(x);
+    pub fn add_gradient(&self, x: &[f64], floor: f64, g: &mut [f64]) {
+        let terms = self.terms(x, floor);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let forces: Vec<[Vector3<f64>; 4]> = stencils
             .par_iter()
@@ -349,8 +359,8 @@ impl Contact {
 
     /// ∂²Π/∂x∂x \[N/m\], less the share `convexity` of the negative curvatures of every term, as blocks between local nodes, both
     /// triangles, ascending by (row, column).
-    pub fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
-        let terms = self.terms(x);
+    pub fn hessian(&self, x: &[f64], floor: f64, convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
+        let terms = self.terms(x, floor);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let matrices: Vec<Matrix12> = stencils
             .par_iter()

@@ -37,11 +37,11 @@ pub(super) struct Near {
     pub(super) point: u32,
     pub(super) triangle: u32,
     /// Weights of its closest point among the corners of the triangle.
-    at: [f64; 3],
+    pub(super) at: [f64; 3],
     /// Direction out of the other surface.
-    out: Vector3<f64>,
+    pub(super) out: Vector3<f64>,
     /// Signed distance \[m\], negative inside.
-    gap: f64,
+    pub(super) gap: f64,
 }
 
 impl Contact {
@@ -105,9 +105,13 @@ impl Contact {
 
     /// Collision points closer than `least` to a surface that they may meet, or inside it.
     pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
-        let all = &self.surfaces;
         // Who is deeper than this has its surface crossed elsewhere, or is inside altogether, as its first point shows.
-        let view = least + VIEW * all.edge_length;
+        self.near_within(p, least, least + VIEW * self.surfaces.edge_length)
+    }
+
+    /// The same of points no farther than `view` \[m\] from the surface, and of the first point of every surface.
+    pub(super) fn near_within(&self, p: &[Vector3<f64>], least: f64, view: f64) -> Vec<Near> {
+        let all = &self.surfaces;
         let fitted: Vec<(Fitted, Aabb, Normals)> = all
             .list
             .par_iter()
@@ -176,7 +180,7 @@ impl Contact {
             if near.is_empty() && crossings.is_empty() {
                 break;
             }
-            if near.is_empty() || round == MAX_ROUNDS {
+            if round == MAX_ROUNDS {
                 let pairs = near.iter().map(|n| (vec![n.point], n.triangle));
                 let crossing =
                     crossings.iter().map(|c| (self.surfaces.edges[c[0] as usize].points.to_vec(), c[1]));
@@ -187,9 +191,7 @@ impl Contact {
             }
             // Of all wishes of a node the greatest counts.
             let mut wish = BTreeMap::<u32, Vector3<f64>>::new();
-            for n in &near {
-                let way = n.out * (1.05 * gap - n.gap);
-                let corners = self.surfaces.triangles[n.triangle as usize];
+            let mut part = |a: &[u32], b: &[u32], way: Vector3<f64>| {
                 let side = |points: &[u32]| -> Vec<u32> {
                     let nodes = points.iter().flat_map(|&p| self.surfaces.points[p as usize].parts());
                     nodes
@@ -197,8 +199,7 @@ impl Contact {
                         .map(|(node, _)| node)
                         .collect()
                 };
-                let weighty: Vec<u32> = (0..3).filter(|&c| n.at[c] > 0.05).map(|c| corners[c]).collect();
-                let (mine, theirs) = (side(&[n.point]), side(&weighty));
+                let (mine, theirs) = (side(a), side(b));
                 let share = if mine.is_empty() || theirs.is_empty() { 1.0 } else { 0.5 };
                 for (nodes, way) in [(mine, way * share), (theirs, -way * share)] {
                     for node in nodes {
@@ -208,6 +209,18 @@ impl Contact {
                         }
                     }
                 }
+            };
+            for n in &near {
+                let corners = self.surfaces.triangles[n.triangle as usize];
+                let weighty: Vec<u32> = (0..3).filter(|&c| n.at[c] > 0.05).map(|c| corners[c]).collect();
+                part(&[n.point], &weighty, n.out * (1.05 * gap - n.gap));
+            }
+            // An edge crosses a triangle between the samples: it leaves by the front, bit by bit.
+            for &[e, t] in &crossings {
+                let corners = self.surfaces.triangles[t as usize];
+                let [a, b, c] = corners.map(|c| p[c as usize]);
+                let out = (b - a).cross(&(c - a)).normalize();
+                part(&self.surfaces.edges[e as usize].points, &corners, out * gap);
             }
             for (node, way) in wish {
                 for c in 0..3 {
@@ -240,7 +253,7 @@ impl Contact {
 
     /// Least distance \[m\] of any pair within reach; the activation distance where there is none.
     pub fn least_distance(&self, x: &[f64]) -> f64 {
-        self.terms(x).stencils.iter().map(|s| s.distance()).fold(self.largest_reach, f64::min)
+        self.terms(x, 0.0).stencils.iter().map(|s| s.distance()).fold(self.largest_reach, f64::min)
     }
 }
 

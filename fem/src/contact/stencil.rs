@@ -6,7 +6,7 @@
 
 #![allow(non_snake_case)]
 
-use super::barrier::barrier;
+use super::barrier::{barrier, softened};
 use super::closest::{Closest, Points, combine};
 use nalgebra::{Matrix3, Vector3};
 
@@ -18,6 +18,15 @@ pub type Matrix12 = [[f64; 12]; 12];
 pub enum Law {
     /// κ A d̂ B(d/d̂) of the [`barrier`] with activation distance d̂ \[m\].
     Barrier(f64),
+    /// The same, softened below a share `floor` of d̂; `side` is −1 where d is a depth of penetration.
+    Soft {
+        /// d̂ \[m\].
+        reach: f64,
+        /// That share.
+        floor: f64,
+        /// 1 outside, −1 inside.
+        side: f64,
+    },
     /// ½ k d² of a penetration by d.
     Spring,
 }
@@ -52,6 +61,10 @@ impl Stencil {
             Law::Barrier(reach) => {
                 let [b, b1, b2] = barrier(d / reach);
                 [self.scale * reach * b, self.scale * (b1 / d), self.scale * b2 / reach]
+            }
+            Law::Soft { reach, floor, side } => {
+                let [b, b1, b2] = softened(side * d / reach, floor);
+                [self.scale * reach * b, self.scale * (side * b1 / d), self.scale * b2 / reach]
             }
             Law::Spring => [0.5 * self.scale * d * d, self.scale, self.scale],
         }

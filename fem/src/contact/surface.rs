@@ -86,6 +86,8 @@ pub struct Surface {
     pub name: String,
     /// Stiffness \[Pa\] of what lies behind it.
     pub stiffness: f64,
+    /// Twice its volume over its area in the reference configuration \[m\]: the thickness of a plate; 0 where it is open.
+    pub thickness: f64,
     /// Its triangles.
     pub triangles: std::ops::Range<usize>,
     /// Its edges.
@@ -174,6 +176,7 @@ impl Surfaces {
         self.list.push(Surface {
             name: input.name.clone(),
             stiffness: input.stiffness,
+            thickness: self.thickness(first_triangle, first_edge, X),
             triangles: first_triangle..self.triangles.len(),
             edges: first_edge..self.edges.len(),
             samples: first_point..self.points.len(),
@@ -266,6 +269,21 @@ impl Surfaces {
     }
 
     #[allow(non_snake_case)]
+    /// See [`Surface::thickness`], of the triangles and edges from the given ones on.
+    #[allow(non_snake_case)]
+    fn thickness(&self, first_triangle: usize, first_edge: usize, X: &[f64]) -> f64 {
+        let mut sides = vec![0; self.edges.len() - first_edge];
+        let (mut volume, mut area) = (0.0, 0.0);
+        for t in first_triangle..self.triangles.len() {
+            let [a, b, c] = self.triangles[t].map(|p| self.points[p as usize].at(X));
+            volume += a.dot(&b.cross(&c)) / 6.0;
+            area += self.area(t, X);
+            self.triangle_edges[t].iter().for_each(|e| sides[*e as usize - first_edge] += 1);
+        }
+        let closed = sides.iter().all(|n| *n == 2);
+        if closed { 2.0 * volume.max(0.0) / area } else { 0.0 }
+    }
+
     fn area(&self, t: usize, X: &[f64]) -> f64 {
         let [a, b, c] = self.triangles[t].map(|p| self.points[p as usize].at(X));
         (b - a).cross(&(c - a)).norm() / 2.0

@@ -165,10 +165,10 @@ impl Island {
     }
 
     /// ∂Π/∂x of contact \[N\] over all local nodes, prescribed ones included; `None` where nothing can touch.
-    pub fn contact_gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
+    pub fn contact_gradient(&self, x: &[f64], floor: f64) -> Option<Vec<f64>> {
         self.contact.as_ref().map(|contact| {
             let mut g = vec![0.0; x.len()];
-            contact.add_gradient(x, &mut g);
+            contact.add_gradient(x, floor, &mut g);
             g
         })
     }
@@ -220,6 +220,13 @@ impl Island {
     /// Positions \[m\] of the free nodes out of those of all local nodes.
     pub fn free_positions(&self, x: &[f64]) -> Vec<f64> {
         self.free_nodes.iter().flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
+    }
+
+    /// Copies the positions of the free nodes out of those of all local nodes.
+    fn take_free(&self, all: &[f64], free: &mut [f64]) {
+        for (&n, free) in self.free_nodes.iter().zip(free.chunks_exact_mut(3)) {
+            free.copy_from_slice(&all[3 * n as usize..3 * n as usize + 3]);
+        }
     }
 
     /// Sets the prescribed components of all local nodes in `x` \[m\].
@@ -321,6 +328,8 @@ pub struct LoadedIsland {
     load: Load,
     /// All local nodes; free components are stale.
     x: Vec<f64>,
+    /// Share of the activation distance below which contact is softened; 0: nowhere.
+    floor: f64,
 }
 
 impl LoadedIsland {
@@ -328,7 +337,7 @@ impl LoadedIsland {
     pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
         let mut x = island.X.clone();
         island.prescribe(&start, &mut x);
-        LoadedIsland { island, load: start.clone(), start, end, x }
+        LoadedIsland { island, load: start.clone(), start, end, x, floor: 0.0 }
     }
 
     /// Positions \[m\] of all local nodes.
@@ -360,7 +369,7 @@ impl Potential for LoadedIsland {
         let s = State { x: &x, controls: &self.load.controls };
         let energy: f64 = self.island.effects.iter().map(|e| e.energy(&s)).sum();
         match &self.island.contact {
-            Some(contact) => energy + contact.energy(&x),
+            Some(contact) => energy + contact.energy(&x, self.floor),
             None => energy,
         }
     }
@@ -392,7 +401,7 @@ impl Potential for LoadedIsland {
                 }
             }
         }
-        if let Some(forces) = island.contact_gradient(&x) {
+        if let Some(forces) = island.contact_gradient(&x, self.floor) {
             for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
                 if let Some((free, c)) = island.unknown((i / 3) as u32, i % 3) {
                     g[3 * free as usize + c] += force;
@@ -443,7 +452,7 @@ impl Potential for LoadedIsland {
             }
         }
         if let Some(contact) = &island.contact {
-            k.couple(&island.onto_unknowns(contact.hessian(&x, convexity)));
+            k.couple(&island.onto_unknowns(contact.hessian(&x, self.floor, convexity)));
         }
     }
 
@@ -463,7 +472,7 @@ impl Potential for LoadedIsland {
             }
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
-        if let Some(g) = island.contact_gradient(&x) {
+        if let Some(g) = island.contact_gradient(&x, self.floor) {
             scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
@@ -499,7 +508,9 @@ impl Potential for LoadedIsland {
     }
 
     fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
-        self.island.contact.as_ref().map_or(1.0, |contact| contact.share(from, &self.expand(x)))
+        let Some(contact) = &self.island.contact else { return 1.0 };
+        let to = self.expand(x);
+        if self.floor > 0.0 { contact.soft_share(from, &to) } else { contact.share(from, &to) }
     }
 
     fn admit(&self, from: &[f64], x: &mut [f64]) -> bool {
@@ -507,9 +518,7 @@ impl Potential for LoadedIsland {
         let motion = &self.island.motion;
         let moves = |n: u32| motion[n as usize] == [Motion::Free; 3];
         let Some(admitted) = contact.admit(from, &self.expand(x), &moves) else { return false };
-        for (&n, x) in self.island.free_nodes.iter().zip(x.chunks_exact_mut(3)) {
-            x.copy_from_slice(&admitted[3 * n as usize..3 * n as usize + 3]);
-        }
+        self.island.take_free(&admitted, x);
         true
     }
 
@@ -544,9 +553,7 @@ impl Loading for LoadedIsland {
         self.load = self.load_at(t);
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
-        for (&n, p) in self.island.free_nodes.iter().zip(x.chunks_exact_mut(3)) {
-            p.copy_from_slice(&full[3 * n as usize..3 * n as usize + 3]);
-        }
+        self.island.take_free(&full, x);
     }
 
     fn displaces(&self, t: f64) -> bool {
@@ -561,6 +568,21 @@ impl Loading for LoadedIsland {
             true => 0,
             false => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
         }
+    }
+
+    fn soften(&mut self, floor: f64) -> bool {
+        let can = self.island.contact.as_ref().is_some_and(Contact::can_soften);
+        self.floor = if can { floor } else { 0.0 };
+        can
+    }
+
+    fn part(&self, x: &mut [f64]) -> bool {
+        let Some(contact) = &self.island.contact else { return true };
+        let motion = &self.island.motion;
+        let moves = |n: u32| motion[n as usize] == [Motion::Free; 3];
+        let Some(parted) = contact.parted(&self.expand(x), &moves) else { return false };
+        self.island.take_free(&parted, x);
+        true
     }
 
     fn carry(&mut self, t: f64, x: &mut [f64]) {

@@ -11,10 +11,6 @@ use super::{BlockMatrix, Loading, Reason};
 const LEAST_STEP_LENGTH: f64 = 1e-6;
 /// Share of the predicted decrease that a step must reach (Armijo).
 const ARMIJO: f64 = 1e-4;
-/// A step is bent that is at most this many times as long as the way on which nothing touches.
-const BENT_BEYOND: f64 = 4.0;
-/// Least det F may fall to this share in a step that is bent.
-const BENT_DET_F_SHARE: f64 = 0.5;
 /// Energy differences below this share of the energy are taken for round-off.
 const ENERGY_ROUND_OFF: f64 = 1e-11;
 
@@ -37,16 +33,6 @@ impl Run<'_> {
         }
         let from = potential.touching(x);
         let free = self.free_length(potential, x, dx, &from, trial);
-        if free < 1.0 {
-            let length = (BENT_BEYOND * free).min(1.0);
-            for i in 0..x.len() {
-                trial[i] = x[i] + length * dx[i];
-            }
-            if let Some(e) = self.bent(potential, x, g, &from, *energy, trial) {
-                *energy = e;
-                return Ok(length);
-            }
-        }
         if free <= 0.0 {
             return Err(Reason::Touch);
         }
@@ -81,27 +67,6 @@ impl Run<'_> {
             length = parabola.clamp(0.1 * length, 0.5 * length);
         }
         Err(if inverted { Reason::Inversion } else { Reason::NoDescent })
-    }
-
-    /// The energy at the end of a step, which `trial` holds, bent where surfaces would touch; `None` where that is no descent
-    /// or folds an element nearly flat.
-    fn bent(
-        &self,
-        potential: &dyn Loading,
-        x: &[f64],
-        g: &[f64],
-        from: &[f64],
-        energy: f64,
-        trial: &mut [f64],
-    ) -> Option<f64> {
-        if !potential.admit(from, trial) {
-            return None;
-        }
-        let slope: f64 = (0..x.len()).map(|i| g[i] * (trial[i] - x[i])).sum();
-        let e = potential.energy(trial);
-        let descends = slope < 0.0 && e - energy <= ARMIJO * slope;
-        (descends && potential.least_det_f(trial).0 >= BENT_DET_F_SHARE * potential.least_det_f(x).0)
-            .then_some(e)
     }
 
     /// Greatest share of `dx` on whose way from the places `from` nothing touches; 1 where nothing can. Overwrites `trial`.

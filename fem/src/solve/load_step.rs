@@ -18,6 +18,10 @@ const LEAST_CARRY: f64 = 1.0 / 256.0;
 const ON_THE_WAY: f64 = 0.05;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
+/// Shares of the activation distance below which contact is softened, one after the other.
+const FLOORS: [f64; 4] = [0.8, 0.2, 0.06, 0.02];
+/// Iterations that softened contact may take.
+const MAX_SOFT_ITERATIONS: usize = 40;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
@@ -47,6 +51,7 @@ impl Run<'_> {
         (self.convexity, self.enough) = (0.0, FIRST_CONVEXITY);
         self.met_indefinite = false;
         let reached = self.carry_over(potential, x, t, target)?;
+        self.may_approach = true;
         if reached < target {
             // On the way nobody asks for the equilibrium but the next piece of it, which starts from it.
             self.tolerance = self.settings.tolerance.max(ON_THE_WAY);
@@ -73,6 +78,29 @@ impl Run<'_> {
             kicks += 1;
             self.leave(potential, x, kicks);
         }
+    }
+
+    /// Takes `x` towards the equilibrium at the load `load` by way of softened contact; returns whether that led to a better place
+    /// where nothing overlaps, and otherwise leaves `x`.
+    pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
+        self.may_approach = false;
+        let (start, before) = (x.to_vec(), potential.energy(x));
+        let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
+        self.tolerance = tolerance.max(ON_THE_WAY);
+        self.settings.max_iterations = MAX_SOFT_ITERATIONS;
+        let way = FLOORS.iter().all(|&floor| {
+            self.linear.forget();
+            potential.soften(floor) && self.newton(potential, x, load).is_ok()
+        });
+        (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
+        potential.soften(0.0);
+        self.linear.forget();
+        let better = way && potential.part(x) && potential.energy(x) < before && is_sound(potential, x, 0.0);
+        tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
+        if !better {
+            x.copy_from_slice(&start);
+        }
+        better
     }
 
     /// Moves the load to `target`, or as far as contact allows, and the free nodes along with it; returns the load.

@@ -107,6 +107,17 @@ pub trait Loading: Potential {
         0
     }
 
+    /// Softens what keeps surfaces apart below the share `floor` of the distance at which it begins, so that they may penetrate each
+    /// other on the way to a guess; 0: it is itself again. Returns whether it can.
+    fn soften(&mut self, _floor: f64) -> bool {
+        false
+    }
+
+    /// Moves the nodes at `x` apart where surfaces overlap; returns whether nothing does any more.
+    fn part(&self, _x: &mut [f64]) -> bool {
+        true
+    }
+
     /// Sets the load at `t` and moves the free nodes `x`, which belong to the present load, along as a guess.
     fn carry(&mut self, t: f64, x: &mut [f64]) {
         self.set_load(t, x);

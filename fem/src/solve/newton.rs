@@ -11,6 +11,9 @@ use std::time::Instant;
 pub(super) const FIRST_CONVEXITY: f64 = 0.25;
 const LEAST_CONVEXITY: f64 = 1.0 / 256.0;
 
+/// Length of a step below which softened contact is asked for a better guess.
+const CUT_SHORT: f64 = 0.25;
+
 /// One call of `advance`.
 pub(super) struct Run<'a> {
     pub(super) name: String,
@@ -32,6 +35,8 @@ pub(super) struct Run<'a> {
     pub(super) convexity: f64,
     /// The last one that was enough where the true Hessian was not.
     pub(super) enough: f64,
+    /// Softened contact was not tried in this load step yet.
+    pub(super) may_approach: bool,
     /// An indefinite Hessian was met in this load step.
     pub(super) met_indefinite: bool,
 }
@@ -104,6 +109,12 @@ impl Run<'_> {
                 Err(reason) => return Err(self.failure(potential, x, reason, iteration, &g)),
             };
             x.copy_from_slice(&trial);
+            if length < CUT_SHORT && self.may_approach && !potential.touching(x).is_empty() {
+                if self.approach(potential, x, load) {
+                    last = f64::INFINITY;
+                }
+                energy = potential.energy(x);
+            }
             self.gradient(potential, x, &mut g);
             scale = potential.force_scale(x);
             self.report.assembly_s += assembly.elapsed().as_secs_f64();

@@ -118,6 +118,7 @@ impl Solver {
             convexity: 0.0,
             enough: FIRST_CONVEXITY,
             met_indefinite: false,
+            may_approach: false,
         };
         let (mut t, mut length) = (0.0, settings.first_step);
         let mut good = x.to_vec();

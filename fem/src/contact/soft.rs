@@ -1,0 +1,91 @@
+//! A soft way towards the equilibrium of guarded contact, for a first guess of it.
+//!
+//! Barriers and collision detection let surfaces that slide past each other move by a share of the gap between them per iteration:
+//! a hundredth of the way that a change of posture asks for. Here the barrier of a sample goes on as its parabola below a share of
+//! the activation distance, through zero into penetrations, so that Newton's method may step as far as an edge is long. Where
+//! every gap ends above that share the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
+//! more: it counts only where nothing overlaps in it, and the guarded mode goes on from there.
+//!
+//! A point leaves a body by the side that is nearest, so it must not get past the middle of it: no step takes one deeper than
+//! half the thickness of the body that it enters, and all surfaces must be closed.
+
+use super::closest::point_triangle;
+use super::stencil::{Law, Stencil};
+use super::{Contact, Mode};
+use nalgebra::Vector3;
+
+/// Edge lengths that a node may move in one step.
+const LONGEST: f64 = 1.0;
+/// Share of the thickness of a body that a point may be inside it.
+const DEEPEST: f64 = 0.5;
+/// Gap that is left where surfaces are parted in the end, as a share of the activation distance.
+const PARTED: f64 = 0.1;
+
+impl Contact {
+    /// Whether there is a soft way: inside and outside are known everywhere.
+    pub fn can_soften(&self) -> bool {
+        self.mode == Mode::Guarded && self.surfaces.list.iter().all(|s| s.thickness > 0.0)
+    }
+
+    /// How deep points may be inside the thickest body \[m\].
+    fn deepest(&self) -> f64 {
+        DEEPEST * self.surfaces.list.iter().map(|s| s.thickness).fold(0.0, f64::max)
+    }
+
+    /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
+    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Stencil> {
+        let all = &self.surfaces;
+        let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
+        let inside = self.near_within(p, 0.0, self.deepest());
+        let mut entered: Vec<(u32, usize)> =
+            inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
+        entered.sort_unstable();
+        let near = self.candidates(p);
+        let is_outside = |&&[s, t]: &&[u32; 2]| entered.binary_search(&(s, of_triangle(t))).is_err();
+        let outside: Vec<[u32; 2]> = near.point_triangle.iter().filter(is_outside).copied().collect();
+        let mut stencils = self.sample_barriers(&outside, p);
+        for stencil in &mut stencils {
+            if let Law::Barrier(reach) = stencil.law {
+                stencil.law = Law::Soft { reach, floor, side: 1.0 };
+            }
+        }
+        stencils.extend(inside.iter().map(|n| {
+            let [a, b, c] = all.triangles[n.triangle as usize];
+            Stencil {
+                points: [n.point, a, b, c],
+                closest: point_triangle(&self.triangle_points(n.point, n.triangle, p)),
+                scale: 0.5 * all.areas[n.point as usize] * self.stiffness(n.point, a),
+                law: Law::Soft { reach: self.reach[n.point as usize], floor, side: -1.0 },
+                edges: 0.0,
+            }
+        }));
+        stencils
+    }
+
+    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a soft step may go.
+    pub fn soft_share(&self, from: &[f64], to: &[f64]) -> f64 {
+        let all = &self.surfaces;
+        let start = all.positions(from);
+        let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
+        let farthest = u.iter().map(|u| u.norm_squared()).fold(0.0, f64::max).sqrt();
+        let longest = LONGEST * all.edge_length;
+        let mut share = (longest / farthest).min(1.0);
+        for n in self.near_within(&start, longest, longest.max(self.deepest())) {
+            let corners = all.triangles[n.triangle as usize];
+            let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
+            let closing = -(u[n.point as usize] - theirs).dot(&n.out);
+            let allowed = (n.gap + DEEPEST * all.list[all.surface(corners[0])].thickness).max(0.0);
+            if closing * share > allowed {
+                share = allowed / closing;
+            }
+        }
+        share
+    }
+
+    /// Positions \[m\] of the nodes near `x` at which no surface is inside or passes through another; nodes for which `moves` is
+    /// false stay. `None`: none are found.
+    pub fn parted(&self, x: &[f64], moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
+        let u = self.part(x, PARTED * self.distance, moves).ok()?;
+        Some(x.iter().zip(&u).map(|(x, u)| x + u).collect())
+    }
+}
