@@ -73,7 +73,7 @@ pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {
         let x = at.gather(&island.nodes);
         let s = State { x: &x, controls: &at.load.controls };
         let effects = (0..island.effects.len()).map(|e| island.effect_gradient(e, &s));
-        for g in effects.chain(island.contact_gradient(&x, 0.0)) {
+        for g in effects.chain(island.contact_gradient(&x)) {
             for (&n, g) in island.nodes.iter().zip(g.chunks_exact(3)) {
                 for i in 0..3 {
                     total[3 * n as usize + i] += g[i];

@@ -165,7 +165,12 @@ impl Island {
     }
 
     /// ∂Π/∂x of contact \[N\] over all local nodes, prescribed ones included; `None` where nothing can touch.
-    pub fn contact_gradient(&self, x: &[f64], floor: f64) -> Option<Vec<f64>> {
+    pub fn contact_gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
+        self.soft_contact_gradient(x, 0.0)
+    }
+
+    /// The same, softened below the share `floor` of the activation distance.
+    fn soft_contact_gradient(&self, x: &[f64], floor: f64) -> Option<Vec<f64>> {
         self.contact.as_ref().map(|contact| {
             let mut g = vec![0.0; x.len()];
             contact.add_gradient(x, floor, &mut g);
@@ -401,7 +406,7 @@ impl Potential for LoadedIsland {
                 }
             }
         }
-        if let Some(forces) = island.contact_gradient(&x, self.floor) {
+        if let Some(forces) = island.soft_contact_gradient(&x, self.floor) {
             for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
                 if let Some((free, c)) = island.unknown((i / 3) as u32, i % 3) {
                     g[3 * free as usize + c] += force;
@@ -472,7 +477,7 @@ impl Potential for LoadedIsland {
             }
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
-        if let Some(g) = island.contact_gradient(&x, self.floor) {
+        if let Some(g) = island.soft_contact_gradient(&x, self.floor) {
             scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
