@@ -25,7 +25,7 @@ const FITTED_AT: f64 = 0.5;
 /// Further activations in the posture of the mesh.
 const ACTIVATIONS: [f64; 2] = [1.0, 0.1];
 /// Newton's method ends at this residual relative to the forces in play: a residual of 1 N, spread over all nodes of a muscle, was seen
-/// to be at most 0.06 N in the force through its belly, and slender muscles creep for most of their iterations below it.
+/// to be 0.06 N at most in the force through the belly of four muscles, and slender muscles creep for most of their iterations below it.
 pub const TOLERANCE: f64 = 1e-3;
 
 /// A posture in which calibrated muscles are looked at.
