@@ -160,8 +160,7 @@ fn attachments_name_the_right_nodes() {
 
 #[test]
 fn a_wrong_attachment_is_refused_with_its_line() {
-    let line = ATTACHMENTS.lines().position(|l| l.starts_with("gracilis,insertion,side_patch")).unwrap();
-    for (wrong, right, says) in [
+    for (right, wrong, says) in [
         ("gracilis,insertion,side_patch,shank", "gracilis,insertion,side_patch,calf", "segment is `calf`"),
         ("gracilis,insertion,side_patch", "gracilis,insertion,glued", "kind is `glued`"),
         (
@@ -170,9 +169,11 @@ fn a_wrong_attachment_is_refused_with_its_line() {
             "0 <= s_from",
         ),
         ("side1+endA (points 12-6),13.4", "side1+endA (points 12-26),13.4", "points are numbered 0 to 13"),
+        ("-413.5 -1.7; 0.1 -1.2 -9.1; 1.7 -0.9 0.2", "-413.5 -1.7; 0.1 -1.2 -9.1", "two half sides"),
+        ("0.1 -1.2 -9.1; 1.7 -0.9 0.2", "0.1 -1.2 -9.1; 0.1 -1.2 -9.1", "span no area"),
     ] {
-        let text = ATTACHMENTS.replacen(wrong, right, 1);
-        assert_ne!(text, ATTACHMENTS);
+        let text = ATTACHMENTS.replacen(right, wrong, 1);
+        let line = ATTACHMENTS.lines().zip(text.lines()).position(|(a, b)| a != b).expect("a line differs");
         let error = Attachment::read_csv(&text, Path::new("mine.csv")).unwrap_err().to_string();
         assert!(error.contains("mine.csv") && error.contains(says), "{error}");
         assert!(error.contains(&format!("line {}", line + 1)), "{error}");
