@@ -28,6 +28,30 @@ fn softened_contact_has_exact_derivatives_in_penetrations() {
     contact_has_exact_derivatives(&["lower_block", "upper_block"], 5.5e-3, 0.3);
 }
 
+/// Softened contact pushes a block out of the one that it is in, harder the deeper it is.
+#[test]
+fn softened_contact_pushes_out() {
+    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 1.5e-3, spec);
+    let plan = plan(&scene, &mesh);
+    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
+    let upward = |closer: f64| -> f64 {
+        let mut x = plan.reference();
+        for n in first..mesh.points.len() {
+            // Aside, so that no sides are flush.
+            (x[3 * n], x[3 * n + 1], x[3 * n + 2]) =
+                (x[3 * n] + 3.1e-3, x[3 * n + 1] + 2.3e-3, x[3 * n + 2] - closer);
+        }
+        let mut g = vec![0.0; x.len()];
+        contact.add_gradient(&x, 0.3, &mut g);
+        -(first..mesh.points.len()).map(|n| g[3 * n + 2]).sum::<f64>()
+    };
+    let forces = [1.0e-3, 1.4e-3, 1.6e-3, 2.5e-3, 3.5e-3].map(upward);
+    println!("{forces:?} N");
+    assert!(forces[0] > 0.0 && forces.windows(2).all(|f| f[1] > f[0]), "{forces:?}");
+}
+
 /// Two blocks 4.5 mm apart, one moved by `closer` \[m\] towards the other, and at random.
 fn contact_has_exact_derivatives(surfaces: &[&str], closer: f64, floor: f64) {
     let mut random = Random::new(2);

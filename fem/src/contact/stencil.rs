@@ -64,7 +64,9 @@ impl Stencil {
             }
             Law::Soft { reach, floor, side } => {
                 let [b, b1, b2] = softened(side * d / reach, floor);
-                [self.scale * reach * b, self.scale * (side * b1 / d), self.scale * b2 / reach]
+                // On the other surface itself the connection has no direction.
+                let slope = if d > 0.0 { side * b1 / d } else { 0.0 };
+                [self.scale * reach * b, self.scale * slope, self.scale * b2 / reach]
             }
             Law::Spring => [0.5 * self.scale * d * d, self.scale, self.scale],
         }
