@@ -19,13 +19,46 @@ fn blocks_contact() -> ContactSpec {
 /// Gradient and Hessian of the whole contact potential, with samples over faces, edges and corners.
 #[test]
 fn the_contact_potential_of_two_surfaces_has_exact_derivatives() {
-    contact_has_exact_derivatives(&["lower_z_max", "upper_z_min"], 2.5e-3, 0.0);
+    contact_has_exact_derivatives(ContactMode::Guarded, &["lower_z_max", "upper_z_min"], 2.5e-3, 0.0);
 }
 
 /// The same of softened contact, with samples of each block inside the other.
 #[test]
 fn softened_contact_has_exact_derivatives_in_penetrations() {
-    contact_has_exact_derivatives(&["lower_block", "upper_block"], 5.5e-3, 0.3);
+    contact_has_exact_derivatives(ContactMode::Guarded, &["lower_block", "upper_block"], 5.5e-3, 0.3);
+}
+
+/// The same of cheap contact, with samples of open surfaces beside each other's rims.
+#[test]
+fn cheap_contact_has_exact_derivatives() {
+    contact_has_exact_derivatives(ContactMode::Cheap, &["lower_z_max", "upper_z_min"], 5.5e-3, 0.0);
+}
+
+/// Rims that lie on each other keep their samples wherever round-off puts them: under a penetration g they press with ε g on the
+/// whole area.
+#[test]
+fn cheap_contact_presses_up_to_rims_that_lie_on_each_other() {
+    let distance = 1e-3;
+    let spec = ContactSpec { distance, mode: ContactMode::Cheap, ..blocks_contact() };
+    let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 0.0, spec);
+    let plan = plan(&scene, &mesh);
+    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let young = 9.0 * 747.5e3 * 7.5e3 / (3.0 * 747.5e3 + 7.5e3);
+    let (depth, mut random) = (2e-4, Random::new(5));
+    for aside in [0.0, 1e-15, 1e-9] {
+        let mut x = plan.reference();
+        for n in mesh.points.len() - 6 * 6 * 3..mesh.points.len() {
+            x[3 * n] += aside * random.uniform();
+            x[3 * n + 1] += aside * random.uniform();
+            x[3 * n + 2] -= depth;
+        }
+        let pair = &contact.pair_forces(&x, [0.0; 3])[0];
+        let wanted = young * depth / distance * 4e-4;
+        assert!(
+            (pair.wrench.force[2].abs() / wanted - 1.0).abs() < 1e-6,
+            "aside {aside}: {pair:?}, {wanted} N"
+        );
+    }
 }
 
 /// Softened contact pushes a block out of the one that it is in, harder the deeper it is.
@@ -53,9 +86,9 @@ fn softened_contact_pushes_out() {
 }
 
 /// Two blocks 4.5 mm apart, one moved by `closer` \[m\] towards the other, and at random.
-fn contact_has_exact_derivatives(surfaces: &[&str], closer: f64, floor: f64) {
+fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f64, floor: f64) {
     let mut random = Random::new(2);
-    let spec = ContactSpec { distance: 4e-3, ..ContactSpec::new(surfaces) };
+    let spec = ContactSpec { mode, distance: 4e-3, ..ContactSpec::new(surfaces) };
     let (scene, mut mesh) = two_blocks([[2, 2, 1], [3, 3, 1]], 4.5e-3, spec);
     mesh.points.iter_mut().for_each(|p| (0..3).for_each(|c| p[c] += 4e-4 * random.uniform()));
     let plan = plan(&scene, &mesh);

@@ -5,9 +5,11 @@
 
 use std::time::Instant;
 
+mod blocks;
 mod contact;
 mod elements;
 mod equilibrium;
+mod hertz;
 mod incompressible;
 mod rigid;
 
@@ -39,7 +41,15 @@ fn main() {
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
     let mut failed = 0;
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
-    let tables = [elements::CASES, contact::CASES, equilibrium::CASES, incompressible::CASES, rigid::CASES];
+    let tables = [
+        elements::CASES,
+        contact::CASES,
+        blocks::CASES,
+        hertz::CASES,
+        equilibrium::CASES,
+        incompressible::CASES,
+        rigid::CASES,
+    ];
     for case in tables.into_iter().flatten() {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
             continue;

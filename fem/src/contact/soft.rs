@@ -36,7 +36,7 @@ impl Contact {
     pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Stencil> {
         let all = &self.surfaces;
         let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
-        let inside = self.near_within(p, 0.0, self.deepest());
+        let inside = self.near_within(p, 0.0, self.deepest(), 0.0);
         let mut entered: Vec<(u32, usize)> =
             inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
         entered.sort_unstable();
@@ -70,7 +70,7 @@ impl Contact {
         let farthest = u.iter().map(|u| u.norm_squared()).fold(0.0, f64::max).sqrt();
         let longest = LONGEST * all.edge_length;
         let mut share = (longest / farthest).min(1.0);
-        for n in self.near_within(&start, longest, longest.max(self.deepest())) {
+        for n in self.near_within(&start, longest, longest.max(self.deepest()), 0.0) {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);

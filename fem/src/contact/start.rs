@@ -105,12 +105,18 @@ impl Contact {
 
     /// Collision points closer than `least` to a surface that they may meet, or inside it.
     pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
-        // Who is deeper than this has its surface crossed elsewhere, or is inside altogether, as its first point shows.
-        self.near_within(p, least, least + VIEW * self.surfaces.edge_length)
+        self.near_within(p, least, least + self.view(), 0.0)
     }
 
-    /// The same of points no farther than `view` \[m\] from the surface, and of the first point of every surface.
-    pub(super) fn near_within(&self, p: &[Vector3<f64>], least: f64, view: f64) -> Vec<Near> {
+    /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
+    /// first point shows.
+    pub(super) fn view(&self) -> f64 {
+        VIEW * self.surfaces.edge_length
+    }
+
+    /// The same of points no farther than `view` \[m\] from the surface, and of the first point of every surface. What lies
+    /// beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
+    pub(super) fn near_within(&self, p: &[Vector3<f64>], least: f64, view: f64, aside: f64) -> Vec<Near> {
         let all = &self.surfaces;
         let fitted: Vec<(Fitted, Aabb, Normals)> = all
             .list
@@ -149,9 +155,13 @@ impl Contact {
                 }
                 let x = self.triangle_points(point as u32, triangle, p);
                 let (which, at) = feature(&x);
-                let Some(normal) = normals.of(all, triangle, which) else { continue };
-                let inside = point_triangle(&x).w.dot(&normal) < 0.0;
-                let gap = if inside { -d.sqrt() } else { d.sqrt() };
+                let (normal, rim) = normals.of(all, triangle, which);
+                let height = point_triangle(&x).w.dot(&normal);
+                if rim && (d - height * height).max(0.0).sqrt() >= aside {
+                    continue;
+                }
+                let distance = if rim { height.abs() } else { d.sqrt() };
+                let gap = if height < 0.0 { -distance } else { distance };
                 if gap < least {
                     found.push(Near { point: point as u32, triangle, at, out: normal, gap });
                 }
@@ -311,26 +321,19 @@ impl Normals {
         Normals { first, triangles, edges, corners }
     }
 
-    /// Unit normal of a feature of a triangle; `None` on the rim of an open surface, where no side is inside.
-    fn of(&self, all: &Surfaces, triangle: u32, which: Feature) -> Option<Vector3<f64>> {
+    /// Unit normal of a feature of a triangle, and whether it is the rim of an open surface, beyond which no side is inside: there
+    /// the normal is that of the triangle.
+    fn of(&self, all: &Surfaces, triangle: u32, which: Feature) -> (Vector3<f64>, bool) {
         let t = triangle as usize;
-        let normal = match which {
-            Feature::Face => self.triangles[t - self.first[0]],
+        let own = self.triangles[t - self.first[0]];
+        let (normal, rim) = match which {
+            Feature::Face => (own, false),
             Feature::Edge(e) => {
                 let (sum, n) = self.edges[all.triangle_edges[t][e as usize] as usize - self.first[1]];
-                if n == 1 {
-                    return None;
-                }
-                sum
+                (sum, n == 1)
             }
-            Feature::Vertex(v) => {
-                let (sum, rim) = self.corners[all.triangles[t][v as usize] as usize - self.first[2]];
-                if rim {
-                    return None;
-                }
-                sum
-            }
+            Feature::Vertex(v) => self.corners[all.triangles[t][v as usize] as usize - self.first[2]],
         };
-        Some(normal.normalize())
+        (if rim { own } else { normal.normalize() }, rim)
     }
 }
