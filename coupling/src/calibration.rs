@@ -7,10 +7,9 @@
 use fem::plan::{Plan, SceneError};
 use fem::run::{DriveFrame, Session};
 use fem::solve::{Settings, SolveError};
-use rayon::prelude::*;
 
-use crate::alone::alone;
-use crate::cache::{Cache, content_hash};
+use crate::alone::calibrate_each;
+use crate::cache::Cache;
 use crate::section::belly_force;
 use crate::thigh::build::{FIBRE_YOUNG, Thigh, ThighMuscle};
 
@@ -135,19 +134,16 @@ pub fn calibrate(
     settings: &Settings,
     cache: Option<&Cache>,
 ) -> Result<Vec<FibreCurve>, CalibrationError> {
-    let one = |i: usize| {
+    let range = |i: usize| {
         let some = || wanted.iter().map(|step| step[i]).filter(|f| *f >= LEAST_FORCE);
-        let range = [some().fold(f64::INFINITY, f64::min), some().fold(0.0, f64::max)];
-        let thigh = alone(thigh, i);
-        let find = || calibrate_one(&thigh, range, settings);
-        let Some(cache) = cache else { return find() };
-        let rest = format!("thermal {range:?}{:?}{:?}{settings:?}", thigh.scene, thigh.muscles);
-        let what = format!("the calibration of {}", thigh.muscles[0].name);
-        cache.get_or(&content_hash(&thigh.mesh, &rest), &what, find)
+        [some().fold(f64::INFINITY, f64::min), some().fold(0.0, f64::max)]
     };
-    // One muscle after the other on each core: they differ tenfold in work.
-    let all: Vec<_> = (0..thigh.muscles.len()).into_par_iter().with_max_len(1).map(one).collect();
-    all.into_iter().collect()
+    calibrate_each(
+        thigh,
+        cache,
+        |i| format!("thermal {:?}{settings:?}", range(i)),
+        |i, muscle| calibrate_one(muscle, range(i), settings),
+    )
 }
 
 /// Curve of the only muscle of a thigh over a range of forces \[N\].

@@ -9,10 +9,9 @@ use fem::plan::Plan;
 use fem::run::{DriveFrame, Frame, Session};
 use fem::scene::FibreLawSpec;
 use fem::solve::Settings;
-use rayon::prelude::*;
 
-use crate::alone::alone;
-use crate::cache::{Cache, content_hash};
+use crate::alone::calibrate_each;
+use crate::cache::Cache;
 use crate::calibration::CalibrationError;
 use crate::muscle_unit::{Fit, MuscleUnit};
 use crate::registration::BODIES;
@@ -102,19 +101,14 @@ pub fn calibrate_hill(
     cache: Option<&Cache>,
 ) -> Result<Vec<Calibrated>, CalibrationError> {
     let settings = Settings { tolerance: TOLERANCE, ..*settings };
-    let one = |i: usize| {
-        let (muscle, unit) = (alone(thigh, i), &units[i]);
-        let find = || calibrate_one(&muscle, unit, scale, postures, &settings);
-        let Some(cache) = cache else { return find() };
-        let name = &thigh.muscles[i].name;
-        let there: Vec<_> = postures.iter().map(|p| (&p.name, p.poses, p.muscle(name))).collect();
-        let rest =
-            format!("Hill {scale:?}{unit:?}{:?}{:?}{there:?}{settings:?}", muscle.scene, muscle.muscles);
-        cache.get_or(&content_hash(&muscle.mesh, &rest), &format!("the calibration of {name}"), find)
+    let depends = |i: usize| {
+        let there: Vec<_> =
+            postures.iter().map(|p| (&p.name, p.poses, p.muscle(&thigh.muscles[i].name))).collect();
+        format!("Hill {scale:?}{:?}{there:?}{settings:?}", units[i])
     };
-    // One muscle after the other on each core: they differ tenfold in work.
-    let all: Vec<_> = (0..units.len()).into_par_iter().with_max_len(1).map(one).collect();
-    all.into_iter().collect()
+    calibrate_each(thigh, cache, depends, |i, muscle| {
+        calibrate_one(muscle, &units[i], scale, postures, &settings)
+    })
 }
 
 /// Calibrates the only muscle of `thigh`.

@@ -26,7 +26,7 @@ pub(super) const FIBRE_TOE: f64 = 0.05;
 /// Thickness of the shell around a muscle \[m\]; the study does not state one.
 const SHELL_THICKNESS: f64 = 0.5e-3;
 /// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
-const SHELL_SHEAR: f64 = 7.5e3;
+pub(super) const SHELL_SHEAR: f64 = 7.5e3;
 /// The end layers are this many times stiffer, fading over three layers (`mesh-notes.md`).
 pub(super) const END_STIFFNESS: f64 = 40.0;
 pub(super) const END_LAYERS: usize = 3;
@@ -272,8 +272,14 @@ pub fn build(
     Thigh { mesh, scene, muscles, tendons }
 }
 
-/// Adds the fibres of a muscle; returns their mean length \[m\].
-fn add_fibres(block: &MuscleBlock, section: f64, first: u32, mesh: &mut Mesh, scene: &mut Scene) -> f64 {
+/// Adds the fibres of a muscle whose nodes begin at `first`; `section`: of all of them \[m²\]. Returns their mean length \[m\].
+pub(super) fn add_fibres(
+    block: &MuscleBlock,
+    section: f64,
+    first: u32,
+    mesh: &mut Mesh,
+    scene: &mut Scene,
+) -> f64 {
     let fibres = fibres(block, section);
     let name = format!("{}/fibres", block.name);
     let place = |n: u32| Vector3::from(block.points[n as usize]);

@@ -11,7 +11,7 @@ use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{MembraneLawSpec, MembraneSpec, Scene, SolidSpec, StrandSpec, TieSpec};
 use nalgebra::Vector3;
 
-use super::build::{END_STIFFNESS, MATRIX};
+use super::build::{END_STIFFNESS, MATRIX, SHELL_SHEAR};
 
 /// Young's modulus of the quadriceps tendon along its fibres \[Pa\] (Orozco, Scientific Reports 8:2323, 2018, table 1).
 pub const QUADRICEPS_TENDON: f64 = 370e6;
@@ -27,8 +27,8 @@ const SEAM_REACH: f64 = 8e-3;
 const SEAM: &str = "seam/";
 /// Thickness of a seam \[m\]: the distal quadriceps is drawn as sheets of 2 to 4 mm.
 const SEAM_THICKNESS: f64 = 3e-3;
-/// Shear modulus of a seam \[Pa\]: that of the end layers of the muscles, 40 times 2 (A + B). None is published.
-const SEAM_SHEAR: f64 = END_STIFFNESS * 7.5e3;
+/// Shear modulus of a seam \[Pa\]: that of the end layers of the muscles. None is published.
+const SEAM_SHEAR: f64 = END_STIFFNESS * SHELL_SHEAR;
 /// Row of the table of attachments that draws the patellar ligament, and the body that it comes from.
 const LIGAMENT: &str = "patellar_ligament";
 const LIGAMENT_FROM: &str = "patella";

@@ -1,17 +1,15 @@
 //! One muscle alone, both end faces held: how it bears being stretched and being contracted.
 
-use fem::material::line::FibreStrain;
 use fem::measure::{Cut, section_force};
-use fem::mesh::muscle::fibres::{end_stiffness, fibres, share_of_length};
+use fem::mesh::muscle::fibres::{end_stiffness, share_of_length};
 use fem::mesh::muscle::{MuscleBlock, to_mesh};
-use fem::mesh::{CellBlock, CellKind};
 use fem::plan::Plan;
 use fem::run::{DriveFrame, Frame, Session};
-use fem::scene::{Course, FibreLawSpec, FibreSpec, PrescribedSpec, Scene, SolidSpec};
+use fem::scene::{PrescribedSpec, Scene, SolidSpec};
 use fem::solve::Settings;
 use nalgebra::Vector3;
 
-use super::build::{END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX};
+use super::build::{END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX, add_fibres};
 
 /// Newton's method ends where the residual is this share of the forces in play, which are taken to be at least `LEAST_FORCE` \[N\].
 pub const TOLERANCE: f64 = 1e-4;
@@ -104,36 +102,21 @@ impl<'a> MuscleAlone<'a> {
         let block = self.block;
         let mut mesh = to_mesh(std::slice::from_ref(block));
         mesh.surfaces.clear();
-        let fibres = fibres(block, self.fibre_area);
-        let region = format!("{}/fibres", block.name);
-        let nodes = fibres.segments.iter().flatten().copied().collect();
-        mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Line2, nodes });
         let held = |end: &str, displacement: Vec<[f64; 3]>| PrescribedSpec {
             nodes: format!("{}/{end}", block.name),
             components: [true; 3],
             control: (!displacement.is_empty()).then(|| "stretch".into()),
             displacement,
         };
-        let scene = Scene {
+        let mut scene = Scene {
             solids: vec![SolidSpec {
                 scale: end_stiffness(block, END_STIFFNESS, END_LAYERS),
                 ..SolidSpec::new(&block.name, MATRIX)
             }],
-            fibres: vec![FibreSpec {
-                name: region.clone(),
-                course: Course::Region(region),
-                law: FibreLawSpec::Thermal {
-                    young: FIBRE_YOUNG,
-                    contraction: 1.0,
-                    strain: FibreStrain::Engineering,
-                    toe: Some(FIBRE_TOE),
-                },
-                area: fibres.area,
-                activation: Some(block.name.clone()),
-            }],
             prescribed: vec![held("origin", vec![]), held("insertion", moved)],
             ..Scene::default()
         };
+        add_fibres(block, self.fibre_area, 0, &mut mesh, &mut scene);
         Plan::new(&scene, mesh).map_err(|e| e.to_string())
     }
 
