@@ -15,7 +15,7 @@ use fem::solve::Settings;
 use multibody::share::{SharingSettings, names, problem};
 use multibody::sharing::{Capacity, SharingProblem, SharingSolver};
 use multibody::trial::Status;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::capacity::{MuscleAction, VirtualTwists, actions};
 use crate::error::CommandError;
@@ -32,6 +32,8 @@ pub const TOLERANCE: f64 = 1e-3;
 pub const MOST_PASSES: usize = 16;
 /// Coordinates that muscles of the thigh move: three of the hip, one of the knee.
 const MOVED: usize = 4;
+/// Their names.
+const COORDINATES: [&str; MOVED] = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"];
 /// Changes that count alike: of lever arms \[m\], of lengths \[m\], of forces \[N\].
 const ARM: f64 = 0.01;
 const LENGTH: f64 = 0.01;
@@ -76,6 +78,8 @@ pub struct Pass {
     pub changed_most: Option<String>,
     /// Joint moments \[N·m\] per step, hip (three) and knee, that are missing when the forces of the thigh replace those of the rigid leg.
     pub missing: Vec<[f64; MOVED]>,
+    /// The same per muscle: what force sharing counts on less what the muscle of the thigh does. Their sum is `missing`.
+    pub lacking: Vec<Vec<[f64; MOVED]>>,
     /// Tensions per step and muscle as force sharing wants them \[N\].
     pub wanted: Vec<Vec<f64>>,
     /// Forces through the bellies per step and muscle \[N\].
@@ -89,6 +93,14 @@ impl Pass {
     }
 }
 
+/// What force sharing says of a step.
+struct Shared {
+    /// Tensions of all lines \[N\].
+    f: DVector<f64>,
+    /// Joint moments of the muscles of the thigh, with the lever arms that it has of them \[N·m\].
+    counted: Vec<[f64; MOVED]>,
+}
+
 impl TwoWay<'_> {
     /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`.
     pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Vec<Pass>, CommandError> {
@@ -97,7 +109,7 @@ impl TwoWay<'_> {
         let seen: Vec<Vec<MuscleAction>> = (first.iter().zip(&twists))
             .map(|(f, t)| actions(self.plan, self.thigh, f.snapshot(), t))
             .collect();
-        let shared: Vec<DVector<f64>> = self.steps.iter().map(|s| self.forces(s)).collect();
+        let shared: Vec<Shared> = self.steps.iter().map(|s| self.one_way(s)).collect::<Result<_, _>>()?;
         let mut passes = vec![self.pass(None, &shared, &seen)?];
         if most < 2 {
             return Ok(passes);
@@ -119,12 +131,12 @@ impl TwoWay<'_> {
             let mut shared = Vec::new();
             let (mut seen, mut drives) = (Vec::new(), Vec::new());
             for (k, step) in self.steps.iter().enumerate() {
-                let f = self.share(step, &x, k)?;
-                let frame = self.frame(&f, &x, k)?;
+                let sharing = self.share(step, &x, k)?;
+                let frame = self.frame(&sharing.f, &x, k)?;
                 let solved = advance(&mut sessions[k], &frame)?;
                 drives.push(self.drives(&frame));
                 seen.push(actions(self.plan, self.thigh, solved.snapshot(), &twists[k]));
-                shared.push(f);
+                shared.push(sharing);
             }
             let (image, shows) = self.capacity(&seen, &x, &drives);
             let change = (&image - &x).norm() / image.norm();
@@ -153,9 +165,20 @@ impl TwoWay<'_> {
         Ok(VirtualTwists::new(&self.done.model, self.registration, Q, &reduced.tangent))
     }
 
-    /// Tensions of all lines at a step, one-way.
-    fn forces(&self, step: &RigidStep) -> DVector<f64> {
-        self.done.effort.forces.values.row(step.row).transpose()
+    /// Force sharing of the rigid leg at a step.
+    fn one_way(&self, step: &RigidStep) -> Result<Shared, CommandError> {
+        let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+        Ok(self.shared(self.done.effort.forces.values.row(step.row).transpose(), &reduced.lever_arms))
+    }
+
+    /// Tensions `f` of all lines with lever arms `R`.
+    fn shared(&self, f: DVector<f64>, R: &DMatrix<f64>) -> Shared {
+        let of_muscle = |m: usize| {
+            let lines = self.lines(m);
+            std::array::from_fn(|c| lines.iter().map(|&i| R[(c, i)] * f[i]).sum())
+        };
+        let counted = (0..self.thigh.muscles.len()).map(of_muscle).collect();
+        Shared { f, counted }
     }
 
     /// Numbers of the model's lines that belong to a muscle of the thigh.
@@ -241,7 +264,7 @@ impl TwoWay<'_> {
     }
 
     /// Force sharing at a step with a capacity.
-    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<DVector<f64>, CommandError> {
+    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, CommandError> {
         let model = &self.done.model;
         let nominal = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
         let mut problem: SharingProblem =
@@ -272,7 +295,7 @@ impl TwoWay<'_> {
                 step.name.name()
             )));
         }
-        Ok(solved.f)
+        Ok(self.shared(solved.f, &problem.R))
     }
 
     /// The load of the thigh at a step for tensions `f`.
@@ -290,34 +313,48 @@ impl TwoWay<'_> {
 
     /// What a number of the capacity is.
     fn name_of(&self, entry: usize) -> String {
-        let quantity =
-            ["length", "tissue", "share", "hip flexion", "hip adduction", "hip rotation", "knee flexion"];
+        let quantity = match entry % N {
+            0 => "length".into(),
+            1 => "tissue".into(),
+            2 => "share".into(),
+            arm => COORDINATES[arm - 3].replace('_', " "),
+        };
         let (muscle, step) = (entry / N % self.thigh.muscles.len(), entry / N / self.thigh.muscles.len());
         let (muscle, step) = (&self.thigh.muscles[muscle].name, self.steps[step].name.name());
-        format!("{step} {muscle} {}", quantity[entry % N])
+        format!("{step} {muscle} {quantity}")
     }
 
     fn pass(
         &self,
         change: Option<f64>,
-        shared: &[DVector<f64>],
+        shared: &[Shared],
         seen: &[Vec<MuscleAction>],
     ) -> Result<Pass, CommandError> {
-        let mut pass =
-            Pass { change, changed_most: None, missing: Vec::new(), wanted: Vec::new(), found: Vec::new() };
+        let mut pass = Pass {
+            change,
+            changed_most: None,
+            missing: Vec::new(),
+            lacking: Vec::new(),
+            wanted: Vec::new(),
+            found: Vec::new(),
+        };
         for (k, step) in self.steps.iter().enumerate() {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
-            let mut others = shared[k].clone();
+            let mut others = shared[k].f.clone();
             let mut moments: DVector<f64> = DVector::zeros(reduced.moments.len());
             let mut wanted = Vec::new();
             for (m, action) in seen[k].iter().enumerate() {
                 let lines = self.lines(m);
-                wanted.push(lines.iter().map(|&i| shared[k][i]).sum());
+                wanted.push(lines.iter().map(|&i| shared[k].f[i]).sum());
                 lines.iter().for_each(|&i| others[i] = 0.0);
                 moments += &action.moments;
             }
             let missing = &reduced.moments - moments - &reduced.lever_arms * others;
             pass.missing.push(std::array::from_fn(|c| missing[c]));
+            let lacks = |(counted, action): (&[f64; MOVED], &MuscleAction)| {
+                std::array::from_fn(|c| counted[c] - action.moments[c])
+            };
+            pass.lacking.push(shared[k].counted.iter().zip(&seen[k]).map(lacks).collect());
             pass.wanted.push(wanted);
             pass.found.push(seen[k].iter().map(|a| a.force).collect());
         }
@@ -341,8 +378,8 @@ fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Frame, CommandEr
 pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> io::Result<()> {
     write!(w, "pass,capacity_change,changed_most,largest_missing_Nm,mean_difference_N")?;
     for step in steps {
-        for c in ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"] {
-            write!(w, ",{}_{c}_missing_Nm", step.name.name())?;
+        for coordinate in COORDINATES {
+            write!(w, ",{}_{coordinate}_missing_Nm", step.name.name())?;
         }
     }
     writeln!(w)?;
@@ -357,6 +394,29 @@ pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> 
             write!(w, ",{v:.5}")?;
         }
         writeln!(w)?;
+    }
+    Ok(())
+}
+
+/// `missing_moments.csv`: a row per pass, step and muscle, which muscles keep moments missing.
+pub fn write_missing(
+    w: &mut dyn Write,
+    thigh: &Thigh,
+    steps: &[RigidStep],
+    passes: &[Pass],
+) -> io::Result<()> {
+    write!(w, "pass,step,muscle,wanted_N,found_N")?;
+    COORDINATES.iter().try_for_each(|coordinate| write!(w, ",{coordinate}_missing_Nm"))?;
+    writeln!(w)?;
+    for (p, pass) in passes.iter().enumerate() {
+        for (k, step) in steps.iter().enumerate() {
+            for (m, muscle) in thigh.muscles.iter().enumerate() {
+                let (wanted, found) = (pass.wanted[k][m], pass.found[k][m]);
+                write!(w, "{},{},{},{wanted:.3},{found:.3}", p + 1, step.name.name(), muscle.name)?;
+                pass.lacking[k][m].iter().try_for_each(|v| write!(w, ",{v:.5}"))?;
+                writeln!(w)?;
+            }
+        }
     }
     Ok(())
 }

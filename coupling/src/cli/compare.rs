@@ -19,7 +19,7 @@ use crate::output::run::{InputFile, RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
 use crate::study::{FOLDERS, Prepared};
-use crate::two_way::{MOST_PASSES, Pass, TOLERANCE, write_passes};
+use crate::two_way::{MOST_PASSES, Pass, TOLERANCE, write_missing, write_passes};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -210,8 +210,12 @@ pub(super) fn carry_out(
     out.write("explanation.csv", |w| study.write_explanations(w, &prepared.steps))?;
     out.write("calibration.csv", |w| write_calibration(w, &study.thigh, &study.calibration))?;
     match &passes {
-        Some(passes) => out.write("passes.csv", |w| write_passes(w, &prepared.steps, passes))?,
-        None => out.remove("passes.csv")?,
+        Some(passes) => {
+            out.write("passes.csv", |w| write_passes(w, &prepared.steps, passes))?;
+            let steps = &prepared.steps;
+            out.write("missing_moments.csv", |w| write_missing(w, &study.thigh, steps, passes))?;
+        }
+        None => ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?,
     }
     let record = write_compare(out, &report, record)?;
     let mut terminal = std::io::stdout().lock();
