@@ -306,6 +306,20 @@ fn one_pass_of_two_way_coupling_is_the_one_way_result() {
     let mut stopped = run("stopped", &["--two-way", "--passes", "1"]);
     let passes = text(&stopped.remove("passes.csv").unwrap());
     assert_eq!(passes.lines().count(), 2, "{passes}");
+    // What single muscles keep missing adds up to what is missing.
+    let missing = text(&stopped.remove("missing_moments.csv").unwrap());
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    for (k, step) in ["heel_strike", "loading_response"].iter().enumerate() {
+        let all: Vec<f64> =
+            passes.lines().nth(1).unwrap().split(',').skip(5 + 4 * k).take(4).map(number).collect();
+        assert!(all[1].abs() > 0.1, "{passes}");
+        let rows: Vec<&str> = missing.lines().filter(|l| l.split(',').nth(1) == Some(step)).collect();
+        assert_eq!(rows.len(), 2, "{missing}");
+        for (c, all) in all.iter().enumerate() {
+            let sum: f64 = rows.iter().map(|row| number(row.split(',').nth(5 + c).unwrap())).sum();
+            assert!((sum - all).abs() < 2e-5, "{step} {c}: {sum} and {all}"); // five digits each
+        }
+    }
     assert!(one_way.len() > 6 && one_way.contains_key("no_contact/thigh_0001.vtu"));
     assert_eq!(one_way.keys().collect::<Vec<_>>(), stopped.keys().collect::<Vec<_>>());
     for (name, bytes) in &one_way {
