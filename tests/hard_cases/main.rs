@@ -12,6 +12,7 @@ mod equilibrium;
 mod hertz;
 mod incompressible;
 mod rigid;
+mod sweeps;
 
 /// When a case runs.
 #[derive(Clone, Copy, PartialEq)]
@@ -46,6 +47,7 @@ fn main() {
         contact::CASES,
         blocks::CASES,
         hertz::CASES,
+        sweeps::CASES,
         equilibrium::CASES,
         incompressible::CASES,
         rigid::CASES,
