@@ -170,7 +170,31 @@ fn a_long_slide_ends_where_many_short_ones_do() {
     assert!(apart < 1e-7, "nodes end {apart} m apart");
 }
 
-/// b06: compression to 0.70 with unequal meshes.
+/// A wall leans over the held corner of a blade, and both are held by the same ground: what is tied to it at one end can still meet
+/// there.
+#[test]
+fn bodies_that_are_held_together_still_meet() {
+    let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
+    let parts = [
+        ("blade", [2, 1, 1], [0.02, 0.003, 0.01], [0.0, 0.0061, 0.0]),
+        ("wall", [1, 1, 2], [0.02, 0.02, 0.036], [0.0204, 0.0, -0.004]),
+    ];
+    for (name, n, size, shift) in parts {
+        let law = LawSpec::NeoHookean { young: 20e3, nu: 0.3 };
+        add(&mut scene, &mut mesh, name, generate::block(n, size), shift, law);
+        scene.prescribed.push(held(&format!("{name}_z_min"), [true; 3]));
+    }
+    scene.prescribed.push(moved("wall_z_max", [true, true, true], [-0.012, 0.0, -0.002], "lean"));
+    let spec = ContactSpec { spacing: Some(0.02), ..ContactSpec::new(&["blade_block", "wall_block"]) };
+    scene.contact = Some(spec);
+    let plan = plan(&scene, &mesh);
+    let out = guarded(&plan, &ramp(&plan, &[("lean", 1.0)], &[], 4), &Settings::default());
+    let out = out.unwrap_or_else(|e| panic!("{e}"));
+    let pair = &pair_forces(&plan, out.last().expect("a frame").snapshot(), [0.0; 3])[0];
+    println!("{:?}", pair.wrench.force);
+    assert!(pair.wrench.force[0].abs() > 0.1, "the wall rests on the corner: {:?} N", pair.wrench.force);
+}
+
 /// A way through another block is bent so that nothing touches on it, prescribed nodes go all the way, and nodes far from the contact
 /// too.
 #[test]

@@ -34,8 +34,7 @@ impl Contact {
             .zip(from.as_chunks::<3>().0)
             .map(|(to, from)| Vector3::from(*to) - Vector3::from(*from))
             .collect();
-        let farthest = u.iter().map(|u| u.norm_squared()).fold(0.0, f64::max).sqrt();
-        if !(farthest < LONGEST * self.surfaces.edge_length) {
+        if !(ccd::largest(u.iter().copied()) < LONGEST * self.surfaces.edge_length) {
             return None;
         }
         let at = |u: &[Vector3<f64>]| -> Vec<f64> {

@@ -17,20 +17,25 @@ pub struct Partners {
     pub muted: Vec<u64>,
     /// What collision points move with all of whose nodes are prescribed; `None`: free.
     pub carrier: Vec<Option<u32>>,
+    /// What a surface moves with as a whole; `None`: it deforms.
+    pub rigid: Vec<Option<u32>>,
 }
 
 impl Partners {
-    /// Whether a pair of primitives counts: something of it can move, no two points of it move together, its surfaces take
-    /// notice of each other there, and it has no node in common.
+    /// Whether a pair of primitives counts: something of it can move, no point of one is tied to what the other's surface moves with, its
+    /// surfaces take notice of each other there, and it has no node in common.
     pub fn counts(&self, all: &Surfaces, a: &[u32], b: &[u32]) -> bool {
         let carrier = |p: u32| self.carrier[p as usize];
         if a.iter().chain(b).all(|&p| carrier(p).is_some()) {
             return false;
         }
-        if a.iter().any(|&p| carrier(p).is_some() && b.iter().any(|&q| carrier(p) == carrier(q))) {
+        let (of_a, of_b) = (all.surface(a[0]), all.surface(b[0]));
+        let tied = |points: &[u32], other: usize| {
+            self.rigid[other].is_some() && points.iter().any(|&p| carrier(p) == self.rigid[other])
+        };
+        if tied(a, of_b) || tied(b, of_a) {
             return false;
         }
-        let (of_a, of_b) = (all.surface(a[0]), all.surface(b[0]));
         let mutes =
             |points: &[u32], other: usize| points.iter().any(|&p| self.muted[p as usize] >> other & 1 == 1);
         if mutes(a, of_b) || mutes(b, of_a) {

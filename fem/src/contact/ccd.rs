@@ -21,17 +21,20 @@ const MAX_ROUNDS: usize = 1000;
 /// of the first one, which is less.
 pub fn point_triangle_share(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| point_triangle(x).squared().sqrt();
-    share(from, to, kept, distance, |step| step[0].norm() + largest(&step[1..]))
+    share(from, to, kept, distance, |step| step[0].norm() + largest(step[1..].iter().copied()))
 }
 
 /// The same of edges (0, 1) and (2, 3).
 pub fn edge_edge_share(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| edge_edge(x).squared().sqrt();
-    share(from, to, kept, distance, |step| largest(&step[..2]) + largest(&step[2..]))
+    share(from, to, kept, distance, |step| {
+        largest(step[..2].iter().copied()) + largest(step[2..].iter().copied())
+    })
 }
 
-fn largest(steps: &[Vector3<f64>]) -> f64 {
-    steps.iter().map(|s| s.norm_squared()).fold(0.0, f64::max).sqrt()
+/// Greatest norm.
+pub(super) fn largest(steps: impl IntoIterator<Item = Vector3<f64>>) -> f64 {
+    steps.into_iter().map(|s| s.norm_squared()).fold(0.0, f64::max).sqrt()
 }
 
 fn share(

@@ -1,15 +1,14 @@
 //! Frictionless contact between surfaces.
 //!
 //! **Guarded**: a barrier on the distance, integrated over both surfaces of a pair, and continuous collision detection in
-//! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020). Every state that is accepted can be
-//! reached from the start without a touch, so nothing ever passes through.
+//! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020), so nothing ever passes through. One way around is
+//! [`soft`]: it finds a guess at which nothing overlaps, from which the guarded mode goes on.
 //!
 //! Π = ½ Σ over samples of A (area) b(distance to B) + the same from B to A + Σ over pairs of edges (area) b(distance).
 //! The distance of a sample to a surface is made smooth at edges and corners by counting the triangles within reach, less the
 //! edges that they share, plus the corners (Li, Kaufman & Jiang, arXiv:2307.15908, §4). Areas are those of
 //! the reference configuration, so that forces do not hang on the mesh. Edges are within reach at half the distance only:
 //! they matter where edges cross and nothing else is near.
-
 //!
 //! **Cheap**: a penalty on the penetration of the samples of both surfaces instead; nothing is guaranteed, the depth is
 //! reported (see [`PairForce`]).
@@ -22,6 +21,7 @@ mod candidates;
 pub mod ccd;
 pub mod closest;
 mod measure;
+mod normals;
 mod penalty;
 mod soft;
 mod start;
@@ -129,8 +129,13 @@ impl Contact {
                 false => b.parts().all(|(n, _)| input.carrier[n as usize].is_some()).then_some(u32::MAX),
             }
         };
-        let carrier = surfaces.points.iter().map(carrier).collect();
-        let partners = Partners { of, muted: muted.collect(), carrier };
+        let carrier: Vec<Option<u32>> = surfaces.points.iter().map(carrier).collect();
+        let rigid = |s: &surface::Surface| {
+            let first = carrier[s.samples.start];
+            s.samples.clone().all(|p| carrier[p] == first).then_some(first).flatten()
+        };
+        let rigid = surfaces.list.iter().map(rigid).collect();
+        let partners = Partners { of, muted: muted.collect(), carrier, rigid };
         let mut contact = Contact {
             mode: input.mode,
             distance: input.distance,
@@ -357,8 +362,9 @@ impl Contact {
         }
     }
 
-    /// ∂²Π/∂x∂x \[N/m\], less the share `convexity` of the negative curvatures of every term, as blocks between local nodes, both
-    /// triangles, ascending by (row, column).
+    /// ∂²Π/∂x∂x \[N/m\] as blocks between local nodes, both triangles, ascending by (row, column). With `convexity` above zero less that
+    /// share of the negative curvatures of every term between a point and the inside of a triangle, and less all of those of the others: a
+    /// point beside an edge or corner sees a fillet as small as the gap, whose negative curvature nothing makes up for.
     pub fn hessian(&self, x: &[f64], floor: f64, convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
         let terms = self.terms(x, floor);
         let (p, stencils) = (&terms.p, &terms.stencils);
@@ -367,7 +373,8 @@ impl Contact {
             .with_min_len(64)
             .map(|s| {
                 let mut H = s.hessian(&s.points.map(|i| p[i as usize]));
-                crate::element::psd::lift(&mut H, convexity);
+                let share = if s.is_face() || convexity == 0.0 { convexity } else { 1.0 };
+                crate::element::psd::lift(&mut H, share);
                 H
             })
             .collect();
@@ -415,7 +422,7 @@ impl Contact {
     /// cheap mode the share on which no penetration can escape notice.
     pub fn share(&self, from: &[f64], to: &[f64]) -> f64 {
         let (start, end) = (self.surfaces.positions(from), self.surfaces.positions(to));
-        let farthest = start.iter().zip(&end).map(|(a, b)| (b - a).norm_squared()).fold(0.0, f64::max).sqrt();
+        let farthest = ccd::largest(start.iter().zip(&end).map(|(a, b)| b - a));
         if !farthest.is_finite() {
             return 0.0;
         }

@@ -9,6 +9,7 @@
 //! A point leaves a body by the side that is nearest, so it must not get past the middle of it: no step takes one deeper than
 //! half the thickness of the body that it enters, and all surfaces must be closed.
 
+use super::ccd::largest;
 use super::closest::point_triangle;
 use super::stencil::{Law, Stencil};
 use super::{Contact, Mode};
@@ -67,9 +68,8 @@ impl Contact {
         let all = &self.surfaces;
         let start = all.positions(from);
         let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
-        let farthest = u.iter().map(|u| u.norm_squared()).fold(0.0, f64::max).sqrt();
         let longest = LONGEST * all.edge_length;
-        let mut share = (longest / farthest).min(1.0);
+        let mut share = (longest / largest(u.iter().copied())).min(1.0);
         for n in self.near_within(&start, longest, longest.max(self.deepest()), 0.0) {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();

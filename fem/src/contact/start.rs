@@ -1,8 +1,9 @@
 //! Is the start free of overlaps; where not, how deep, and how the mesh must change.
 
 use super::Contact;
-use super::closest::{Feature, feature, point_triangle};
-use super::surface::{Surface, Surfaces};
+use super::closest::{edge_edge, feature, point_triangle};
+use super::normals::Normals;
+use super::surface::Surface;
 use super::tree::{Aabb, Fitted};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -185,8 +186,8 @@ impl Contact {
         for round in 0.. {
             let p = self.surfaces.positions(&now);
             let near = self.near(&p, gap);
-            let crossings =
-                if near.is_empty() || round == MAX_ROUNDS { self.crossings(&p) } else { Vec::new() };
+            let late = near.len() <= FEW || round == MAX_ROUNDS;
+            let crossings = if late { self.crossings(&p) } else { Vec::new() };
             if near.is_empty() && crossings.is_empty() {
                 break;
             }
@@ -201,7 +202,7 @@ impl Contact {
             }
             // Of all wishes of a node the greatest counts.
             let mut wish = BTreeMap::<u32, Vector3<f64>>::new();
-            let mut part = |a: &[u32], b: &[u32], way: Vector3<f64>| {
+            let mut push = |a: &[u32], b: &[u32], way: Vector3<f64>| {
                 let side = |points: &[u32]| -> Vec<u32> {
                     let nodes = points.iter().flat_map(|&p| self.surfaces.points[p as usize].parts());
                     nodes
@@ -223,14 +224,20 @@ impl Contact {
             for n in &near {
                 let corners = self.surfaces.triangles[n.triangle as usize];
                 let weighty: Vec<u32> = (0..3).filter(|&c| n.at[c] > 0.05).map(|c| corners[c]).collect();
-                part(&[n.point], &weighty, n.out * (1.05 * gap - n.gap));
+                push(&[n.point], &weighty, n.out * (1.05 * gap - n.gap));
             }
-            // An edge crosses a triangle between the samples: it leaves by the front, bit by bit.
+            let normals = if crossings.is_empty() { Vec::new() } else { self.normals(&p) };
             for &[e, t] in &crossings {
-                let corners = self.surfaces.triangles[t as usize];
-                let [a, b, c] = corners.map(|c| p[c as usize]);
-                let out = (b - a).cross(&(c - a)).normalize();
-                part(&self.surfaces.edges[e as usize].points, &corners, out * gap);
+                let ends = self.surfaces.edges[e as usize].points;
+                match self.way_back(e, t, gap, &p, &normals) {
+                    Some((f, way)) => push(&ends, &self.surfaces.edges[f as usize].points, way),
+                    // Through a triangle alone: it leaves by the front, bit by bit.
+                    None => {
+                        let corners = self.surfaces.triangles[t as usize];
+                        let [a, b, c] = corners.map(|c| p[c as usize]);
+                        push(&ends, &corners, (b - a).cross(&(c - a)).normalize() * gap);
+                    }
+                }
             }
             for (node, way) in wish {
                 for c in 0..3 {
@@ -239,6 +246,25 @@ impl Contact {
             }
         }
         Ok(now.iter().zip(x).map(|(a, b)| a - b).collect())
+    }
+
+    /// Of the edges of triangle `t`, through which edge `e` passes, the one that it has crossed least, and the way \[m\] of `e` against it
+    /// to `gap` on the other side.
+    fn way_back(
+        &self,
+        e: u32,
+        t: u32,
+        gap: f64,
+        p: &[Vector3<f64>],
+        normals: &[Normals],
+    ) -> Option<(u32, Vector3<f64>)> {
+        let crossed = self.surfaces.triangle_edges[t as usize].iter().filter_map(|&f| {
+            let closest = edge_edge(&self.edge_points(e, f, p));
+            let depth = closest.squared().sqrt();
+            (depth > 0.0 && self.have_crossed(e, f, &closest, normals))
+                .then(|| (f, depth, closest.w * (-(depth + gap) / depth)))
+        });
+        crossed.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(f, _, way)| (f, way))
     }
 
     /// (node, surface) of points closer than `gap` \[m\] to a surface, with the nodes at `x`, where one of their nodes or of those of the
@@ -281,59 +307,7 @@ fn crosses(a: &Vector3<f64>, b: &Vector3<f64>, [p, q, r]: &[Vector3<f64>; 3]) ->
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
+/// Points too close, down to which parting takes no notice of edges that cross.
+const FEW: usize = 10;
 /// Rounds of parting the surfaces.
 const MAX_ROUNDS: usize = 60;
-
-/// Normals of triangles, edges and corners of one surface, by which a point is inside or outside: Bærentzen & Aanæs, Signed
-/// distance computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005).
-struct Normals {
-    /// First triangle, edge and corner of the surface.
-    first: [usize; 3],
-    triangles: Vec<Vector3<f64>>,
-    /// Sum over the triangles and their number; one triangle: the rim of an open surface.
-    edges: Vec<(Vector3<f64>, usize)>,
-    /// Sum over the triangles, weighted by angle, and whether it is on the rim.
-    corners: Vec<(Vector3<f64>, bool)>,
-}
-
-impl Normals {
-    fn new(all: &Surfaces, s: &Surface, p: &[Vector3<f64>]) -> Normals {
-        let first = [s.triangles.start, s.edges.start, s.samples.start];
-        let mut triangles = Vec::with_capacity(s.triangles.len());
-        let mut edges = vec![(Vector3::zeros(), 0); s.edges.len()];
-        let mut corners = vec![(Vector3::zeros(), false); s.samples.len()];
-        for t in s.triangles.clone() {
-            let at = all.triangles[t].map(|c| p[c as usize]);
-            let normal = (at[1] - at[0]).cross(&(at[2] - at[0])).normalize();
-            triangles.push(normal);
-            for e in all.triangle_edges[t] {
-                let edge = &mut edges[e as usize - first[1]];
-                *edge = (edge.0 + normal, edge.1 + 1);
-            }
-            for c in 0..3 {
-                let (u, v) = (at[(c + 1) % 3] - at[c], at[(c + 2) % 3] - at[c]);
-                corners[all.triangles[t][c] as usize - first[2]].0 += normal * u.angle(&v);
-            }
-        }
-        for (e, _) in edges.iter().enumerate().filter(|(_, (_, n))| *n == 1) {
-            all.edges[first[1] + e].points.iter().for_each(|&c| corners[c as usize - first[2]].1 = true);
-        }
-        Normals { first, triangles, edges, corners }
-    }
-
-    /// Unit normal of a feature of a triangle, and whether it is the rim of an open surface, beyond which no side is inside: there
-    /// the normal is that of the triangle.
-    fn of(&self, all: &Surfaces, triangle: u32, which: Feature) -> (Vector3<f64>, bool) {
-        let t = triangle as usize;
-        let own = self.triangles[t - self.first[0]];
-        let (normal, rim) = match which {
-            Feature::Face => (own, false),
-            Feature::Edge(e) => {
-                let (sum, n) = self.edges[all.triangle_edges[t][e as usize] as usize - self.first[1]];
-                (sum, n == 1)
-            }
-            Feature::Vertex(v) => self.corners[all.triangles[t][v as usize] as usize - self.first[2]],
-        };
-        (if rim { own } else { normal.normalize() }, rim)
-    }
-}

@@ -72,6 +72,11 @@ impl Stencil {
         }
     }
 
+    /// Whether it is between a point and the inside of a triangle, and counted as what it is.
+    pub fn is_face(&self) -> bool {
+        self.closest.n_free == 2 && self.edges == 0.0 && self.scale > 0.0
+    }
+
     /// Whether point `i` has a part in it.
     pub fn weighs(&self, i: usize) -> bool {
         self.closest.c[i] != 0.0 || self.edges > 0.0 || self.closest.dc.iter().any(|dc| dc[i] != 0.0)

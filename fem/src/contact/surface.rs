@@ -268,7 +268,6 @@ impl Surfaces {
         }
     }
 
-    #[allow(non_snake_case)]
     /// See [`Surface::thickness`], of the triangles and edges from the given ones on.
     #[allow(non_snake_case)]
     fn thickness(&self, first_triangle: usize, first_edge: usize, X: &[f64]) -> f64 {
@@ -284,6 +283,7 @@ impl Surfaces {
         if closed { 2.0 * volume.max(0.0) / area } else { 0.0 }
     }
 
+    #[allow(non_snake_case)]
     fn area(&self, t: usize, X: &[f64]) -> f64 {
         let [a, b, c] = self.triangles[t].map(|p| self.points[p as usize].at(X));
         (b - a).cross(&(c - a)).norm() / 2.0

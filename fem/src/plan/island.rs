@@ -178,6 +178,11 @@ impl Island {
         })
     }
 
+    /// Whether nothing of a local node is prescribed.
+    fn is_free(&self, local: u32) -> bool {
+        self.motion[local as usize] == [Motion::Free; 3]
+    }
+
     /// The unknown that a component of a local node moves with: its free node and component; none where prescribed.
     fn unknown(&self, node: u32, c: usize) -> Option<(u32, usize)> {
         let owner = match self.motion[node as usize][c] {
@@ -192,7 +197,7 @@ impl Island {
     fn onto_unknowns(&self, blocks: Vec<([u32; 2], [f64; 9])>) -> Vec<([u32; 2], [f64; 9])> {
         let mut out: Vec<([u32; 2], [f64; 9])> = Vec::with_capacity(blocks.len());
         for ([i, j], block) in blocks {
-            if [i, j].iter().all(|&n| self.motion[n as usize] == [Motion::Free; 3]) {
+            if [i, j].iter().all(|&n| self.is_free(n)) {
                 let free = |n| self.free_index(n).expect("a free node") as u32;
                 out.push(([free(i), free(j)], block));
                 continue;
@@ -520,9 +525,9 @@ impl Potential for LoadedIsland {
 
     fn admit(&self, from: &[f64], x: &mut [f64]) -> bool {
         let Some(contact) = &self.island.contact else { return false };
-        let motion = &self.island.motion;
-        let moves = |n: u32| motion[n as usize] == [Motion::Free; 3];
-        let Some(admitted) = contact.admit(from, &self.expand(x), &moves) else { return false };
+        let Some(admitted) = contact.admit(from, &self.expand(x), &|n| self.island.is_free(n)) else {
+            return false;
+        };
         self.island.take_free(&admitted, x);
         true
     }
@@ -583,9 +588,7 @@ impl Loading for LoadedIsland {
 
     fn part(&self, x: &mut [f64]) -> bool {
         let Some(contact) = &self.island.contact else { return true };
-        let motion = &self.island.motion;
-        let moves = |n: u32| motion[n as usize] == [Motion::Free; 3];
-        let Some(parted) = contact.parted(&self.expand(x), &moves) else { return false };
+        let Some(parted) = contact.parted(&self.expand(x), &|n| self.island.is_free(n)) else { return false };
         self.island.take_free(&parted, x);
         true
     }
