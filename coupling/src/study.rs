@@ -28,8 +28,8 @@ use crate::thigh::lines::lines_of_muscles;
 use crate::thigh::{BuiltIn, from_limb, from_surfaces, limb};
 use crate::two_way::{Pass, TwoWay};
 
-/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N: forces of single muscles
-/// are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
+/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N, or where the
+/// [scene](Scene::residuals) says: forces of single muscles are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
 /// iterations to find out exactly how it hangs.
 pub const SETTINGS: Settings = Settings {
     tolerance: 1e-4,
@@ -201,10 +201,11 @@ impl Prepared {
         for c in (0..2).filter(|c| asked[*c]) {
             let plan = self.plan(thigh, c)?;
             let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
-            let key = run_key(&self.configured(thigh, c).scene, &plan, &way);
+            let settings = Settings { tolerance: self.scene.residuals[c] / SETTINGS.least_force, ..SETTINGS };
+            let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(FOLDERS[c]);
-            let done = configuration(&plan, thigh, &way, steps, &SETTINGS, &folder, restart, &mut |_| ())?;
+            let done = configuration(&plan, thigh, &way, steps, &settings, &folder, restart, &mut |_| ())?;
             lap(STAGES[3 + c]);
             study.configurations[c] = Some((plan, done));
         }
@@ -257,8 +258,8 @@ impl Study {
 }
 
 /// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.
-fn run_key(scene: &fem::scene::Scene, plan: &Plan, drive: &Drive) -> String {
-    content_hash(&plan.mesh, &format!("{scene:?}{drive:?}{SETTINGS:?}"))
+fn run_key(scene: &fem::scene::Scene, plan: &Plan, drive: &Drive, settings: &Settings) -> String {
+    content_hash(&plan.mesh, &format!("{scene:?}{drive:?}{settings:?}"))
 }
 
 /// The muscles of the rigid leg that the thigh would have, without mesh.

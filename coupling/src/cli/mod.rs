@@ -90,6 +90,11 @@ pub fn main() -> ExitCode {
         // Fails only where a pool exists already, which nothing before this line makes.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
     }
+    // What the solver does, iteration by iteration, for `RUST_LOG=fem=debug`.
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
     let result: Result<Outcome, CommandError> = match arguments.command {
         Command::Optimize(arguments) => optimize::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),

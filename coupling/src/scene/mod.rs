@@ -7,6 +7,10 @@
 //! stress_free = "standing"    # posture of the mesh without stress: "standing" or "heel_strike"
 //! surfaces = "muscles_fit"    # folder of closed muscle surfaces [m] beside a folder `bones`; absent: the built-in thigh
 //!
+//! [accuracy]                  # forces out of balance at which a step counts as solved, norm over all nodes
+//! residual_n = 0.1            # without contact
+//! contact_residual_n = 10.0   # with contact
+//!
 //! [effects]
 //! fibres = "hill"             # "hill", "thermal" or "none"; absent: thermal where stress-free at heel strike, Hill elsewhere
 //! shells = true
@@ -45,6 +49,11 @@ const SHIPPED: &str = "gait-data/scenes";
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
 /// Knee flexion that can be prescribed \[degrees\].
 const FLEXIONS: RangeInclusive<f64> = 0.0..=120.0;
+/// Residuals that can be asked for \[N\]: the least is above round-off, the greatest below the forces of most muscles.
+const RESIDUALS: RangeInclusive<f64> = 1e-3..=100.0;
+/// Residuals without and with contact \[N\] where the scene says nothing. Sections of single muscles are compared in newtons. With contact
+/// the last 10 N cost as much time as all before and move sections by a newton (`docs/results.md`).
+const NATURAL_RESIDUALS: [f64; 2] = [0.1, 10.0];
 /// A scene is a page of text \[bytes\].
 const LARGEST: u64 = 1 << 20;
 
@@ -88,6 +97,9 @@ pub struct Scene {
     pub surfaces: Option<PathBuf>,
     /// Edge length of the mesh that is aimed at \[m\].
     pub resolution: f64,
+    /// Forces out of balance at which a step counts as solved, without and with contact: norm over all nodes \[N\], more where muscles pull
+    /// with more than 1000 N.
+    pub residuals: [f64; 2],
     /// Where the mesh is free of stress.
     pub stress_free: StressFree,
     /// Fibres.
@@ -110,6 +122,8 @@ struct SceneFile {
     stress_free: Option<Spanned<StressFree>>,
     surfaces: Option<Spanned<PathBuf>>,
     #[serde(default)]
+    accuracy: AccuracyEntry,
+    #[serde(default)]
     effects: EffectsEntry,
     step: Option<Vec<StepEntry>>,
 }
@@ -119,6 +133,13 @@ struct SceneFile {
 enum Muscles {
     Word(String),
     List(Vec<String>),
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AccuracyEntry {
+    residual_n: Option<Spanned<f64>>,
+    contact_residual_n: Option<Spanned<f64>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -185,6 +206,15 @@ impl Scene {
             None => 12.0,
             Some(mm) => at.within("resolution_mm", mm, &RESOLUTIONS, "mm")?,
         };
+        let accuracy = &scene.accuracy;
+        let mut residuals = NATURAL_RESIDUALS;
+        let given =
+            [("residual_n", &accuracy.residual_n), ("contact_residual_n", &accuracy.contact_residual_n)];
+        for (residual, (key, given)) in residuals.iter_mut().zip(given) {
+            if let Some(newtons) = given {
+                *residual = at.within(key, newtons, &RESIDUALS, "N")?;
+            }
+        }
         let stress_free = scene.stress_free.as_ref().map_or(StressFree::default(), |s| *s.get_ref());
         let mut steps = at.steps(scene.step.as_deref())?;
         steps.sort_by_key(|s| StepName::ALL.iter().position(|n| *n == s.name));
@@ -204,6 +234,7 @@ impl Scene {
             muscles,
             surfaces,
             resolution: resolution * 1e-3,
+            residuals,
             stress_free,
             fibres: scene.effects.fibres.unwrap_or(natural),
             shells: scene.effects.shells.unwrap_or(true),

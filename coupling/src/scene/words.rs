@@ -48,6 +48,7 @@ impl Scene {
             ("Trial", trial.map_or("built-in walker".into(), |t| t.to_string_lossy().into_owned())),
             ("Thigh", thigh),
             ("Resolution", format!("{} mm", self.resolution * 1e3)),
+            ("Residual", format!("{} N without contact, {} N with", self.residuals[0], self.residuals[1])),
             ("Mesh free of stress", stress_free.into()),
             ("Fibres", fibres.into()),
             ("Shells", if self.shells { "around every muscle" } else { "none" }.into()),
