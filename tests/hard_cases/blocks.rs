@@ -62,7 +62,7 @@ fn patch(mode: ContactMode, distance: f64) -> Result<f64, String> {
     let pressure = 500.0;
     let (mut scene, mesh) = blocks(B06, mode, distance);
     let n = B06[1];
-    let weight = |coordinate: f64| if coordinate < 1e-9 || coordinate > 0.02 - 1e-9 { 0.5 } else { 1.0 };
+    let weight = |coordinate: f64| if (1e-9..=0.02 - 1e-9).contains(&coordinate) { 1.0 } else { 0.5 };
     let cell = AREA / (n[0] * n[1]) as f64;
     let load = |&node: &u32| {
         let [x, y, _] = mesh.points[node as usize];

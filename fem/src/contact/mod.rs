@@ -100,6 +100,8 @@ struct Terms {
     floor: f64,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
+    /// Points within a step of a surface or inside it, where the barriers are softened.
+    near: Vec<start::Near>,
     stencils: Vec<Stencil>,
 }
 
@@ -204,12 +206,13 @@ impl Contact {
             return last;
         }
         let p = self.surfaces.positions(x);
+        let near = if floor > 0.0 { self.soft_near(&p) } else { Vec::new() };
         let stencils = match self.mode {
-            Mode::Guarded if floor > 0.0 => self.soft_barriers(&p, floor),
+            Mode::Guarded if floor > 0.0 => self.soft_barriers(&p, floor, &near),
             Mode::Guarded => self.barriers(&p),
             Mode::Cheap => self.springs(&p),
         };
-        let terms = Arc::new(Terms { x: x.to_vec(), floor, p, stencils });
+        let terms = Arc::new(Terms { x: x.to_vec(), floor, p, near, stencils });
         *held() = terms.clone();
         terms
     }

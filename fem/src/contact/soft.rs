@@ -11,6 +11,7 @@
 
 use super::ccd::largest;
 use super::closest::point_triangle;
+use super::start::Near;
 use super::stencil::{Law, Stencil};
 use super::{Contact, Mode};
 use nalgebra::Vector3;
@@ -33,17 +34,23 @@ impl Contact {
         DEEPEST * self.surfaces.list.iter().map(|s| s.thickness).fold(0.0, f64::max)
     }
 
+    /// Points within a step of a surface, or inside it, with the collision points at `p`.
+    pub(super) fn soft_near(&self, p: &[Vector3<f64>]) -> Vec<Near> {
+        let longest = LONGEST * self.surfaces.edge_length;
+        self.near_within(p, longest, longest.max(self.deepest()), 0.0)
+    }
+
     /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
-    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Stencil> {
+    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64, near: &[Near]) -> Vec<Stencil> {
         let all = &self.surfaces;
         let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
-        let inside = self.near_within(p, 0.0, self.deepest(), 0.0);
+        let inside: Vec<&Near> = near.iter().filter(|n| n.gap < 0.0).collect();
         let mut entered: Vec<(u32, usize)> =
             inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
         entered.sort_unstable();
-        let near = self.candidates(p);
+        let candidates = self.candidates(p);
         let is_outside = |&&[s, t]: &&[u32; 2]| entered.binary_search(&(s, of_triangle(t))).is_err();
-        let outside: Vec<[u32; 2]> = near.point_triangle.iter().filter(is_outside).copied().collect();
+        let outside: Vec<[u32; 2]> = candidates.point_triangle.iter().filter(is_outside).copied().collect();
         let mut stencils = self.sample_barriers(&outside, p);
         for stencil in &mut stencils {
             if let Law::Barrier(reach) = stencil.law {
@@ -63,14 +70,16 @@ impl Contact {
         stencils
     }
 
-    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a soft step may go.
-    pub fn soft_share(&self, from: &[f64], to: &[f64]) -> f64 {
+    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened below
+    /// the share `floor` of the activation distance.
+    pub fn soft_share(&self, from: &[f64], to: &[f64], floor: f64) -> f64 {
         let all = &self.surfaces;
-        let start = all.positions(from);
-        let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
+        let start = self.terms(from, floor);
+        let u: Vec<Vector3<f64>> =
+            all.positions(to).iter().zip(&start.p).map(|(to, from)| to - from).collect();
         let longest = LONGEST * all.edge_length;
         let mut share = (longest / largest(u.iter().copied())).min(1.0);
-        for n in self.near_within(&start, longest, longest.max(self.deepest()), 0.0) {
+        for n in &start.near {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);

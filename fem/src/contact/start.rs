@@ -34,6 +34,7 @@ impl std::fmt::Display for Overlap {
 }
 
 /// A collision point that is closer to another surface than wanted.
+#[derive(Debug)]
 pub(super) struct Near {
     pub(super) point: u32,
     pub(super) triangle: u32,

@@ -201,6 +201,9 @@ const HELD: u32 = u32::MAX - 2;
 const CONTROLLED: u32 = u32::MAX - 1;
 /// Rounds in which what cannot be parted is left out.
 const MAX_TRIES: usize = 8;
+/// Distance between samples as a share of the edge length of the finer side: half of it, so that ridges that cross meet samples, not
+/// only each other's edges, whose barriers are thin.
+const SPACING: f64 = 0.5;
 /// Share of the det of a cell below which moving nodes has folded it.
 const FOLDED: f64 = 0.1;
 /// Sweeps that carry the displacement of the surfaces into the solids.
@@ -325,7 +328,7 @@ impl ContactPlan {
                     .map(|f| f.map(|n| local(n).expect("a node of a surface is in its island")))
                     .collect(),
                 stiffness: surface.stiffness,
-                spacing: self.spacing.unwrap_or(finest),
+                spacing: self.spacing.unwrap_or(SPACING * finest),
             }
         });
         let carrier = |m: &[Motion; 3]| match m {

@@ -520,7 +520,7 @@ impl Potential for LoadedIsland {
     fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
         let Some(contact) = &self.island.contact else { return 1.0 };
         let to = self.expand(x);
-        if self.floor > 0.0 { contact.soft_share(from, &to) } else { contact.share(from, &to) }
+        if self.floor > 0.0 { contact.soft_share(from, &to, self.floor) } else { contact.share(from, &to) }
     }
 
     fn admit(&self, from: &[f64], x: &mut [f64]) -> bool {

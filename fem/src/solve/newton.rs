@@ -109,18 +109,21 @@ impl Run<'_> {
                 Err(reason) => return Err(self.failure(potential, x, reason, iteration, &g)),
             };
             x.copy_from_slice(&trial);
-            if length < CUT_SHORT && self.may_approach && !potential.touching(x).is_empty() {
-                if self.approach(potential, x, load) {
-                    last = f64::INFINITY;
-                }
-                energy = potential.energy(x);
-            }
             self.gradient(potential, x, &mut g);
             scale = potential.force_scale(x);
             self.report.assembly_s += assembly.elapsed().as_secs_f64();
             self.report.iterations += 1;
             let taken = Taken { step_length: length, linear: report, projected };
             self.record(potential, x, load, iteration, [norm(&g), scale, energy], &taken, start);
+            if length < CUT_SHORT
+                && self.may_approach
+                && !potential.touching(x).is_empty()
+                && self.approach(potential, x, load)
+            {
+                (last, energy) = (f64::INFINITY, potential.energy(x));
+                self.gradient(potential, x, &mut g);
+                scale = potential.force_scale(x);
+            }
         }
         // Where what is wanted lies below round-off, stiffness and softness too far apart are why it creeps.
         let floor = round_off(self.k, x);
