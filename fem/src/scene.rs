@@ -353,8 +353,8 @@ pub struct ContactSpec {
     /// Stiffness \[Pa\] of the layer of that thickness; absent: Young's modulus of the softer side at small strain.
     #[serde(default)]
     pub stiffness: Option<f64>,
-    /// Greatest distance \[m\] between the points at which contact is computed; absent: half the edge length of the finer
-    /// side.
+    /// Greatest distance \[m\] between the points at which contact is computed; absent: the edge length of the finer
+    /// side, half of it in guarded mode.
     #[serde(default)]
     pub spacing: Option<f64>,
     /// Depth \[m\] up to which an overlap in the mesh is mended by moving its nodes, free of stress; deeper ones are

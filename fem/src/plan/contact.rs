@@ -201,7 +201,7 @@ const HELD: u32 = u32::MAX - 2;
 const CONTROLLED: u32 = u32::MAX - 1;
 /// Rounds in which what cannot be parted is left out.
 const MAX_TRIES: usize = 8;
-/// Distance between samples as a share of the edge length of the finer side: half of it, so that ridges that cross meet samples, not
+/// Distance between samples of guarded contact as a share of the edge length of the finer side: half of it, so that ridges that cross meet samples, not
 /// only each other's edges, whose barriers are thin.
 const SPACING: f64 = 0.5;
 /// Share of the det of a cell below which moving nodes has folded it.
@@ -316,6 +316,7 @@ impl ContactPlan {
         if pairs.is_empty() {
             return None;
         }
+        let natural = if self.mode == Mode::Guarded { SPACING } else { 1.0 };
         let surfaces = members.iter().enumerate().map(|(m, &s)| {
             let surface = &self.surfaces[s];
             let partners = pairs.iter().filter(|p| p.contains(&m)).flatten();
@@ -328,7 +329,7 @@ impl ContactPlan {
                     .map(|f| f.map(|n| local(n).expect("a node of a surface is in its island")))
                     .collect(),
                 stiffness: surface.stiffness,
-                spacing: self.spacing.unwrap_or(SPACING * finest),
+                spacing: self.spacing.unwrap_or(natural * finest),
             }
         });
         let carrier = |m: &[Motion; 3]| match m {
