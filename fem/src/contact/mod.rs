@@ -21,6 +21,7 @@ mod candidates;
 pub mod ccd;
 pub mod closest;
 mod measure;
+mod near;
 mod normals;
 mod penalty;
 mod soft;
@@ -89,6 +90,7 @@ pub struct Contact {
     cache: Mutex<Arc<Candidates>>,
     /// The terms at the positions asked for last: energy, gradient and Hessian of one state are asked for one after the other.
     last: Mutex<Arc<Terms>>,
+    memory: Mutex<near::Memory>,
 }
 
 /// The terms of the potential at some positions.
@@ -101,7 +103,7 @@ struct Terms {
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
     /// Points within a step of a surface or inside it, where the barriers are softened.
-    near: Vec<start::Near>,
+    near: Vec<near::Near>,
     stencils: Vec<Stencil>,
 }
 
@@ -148,6 +150,7 @@ impl Contact {
             partners,
             cache: Mutex::default(),
             last: Mutex::default(),
+            memory: Mutex::default(),
         };
         if contact.mode == Mode::Guarded {
             contact.fit_reach(X);

@@ -18,7 +18,7 @@ impl Contact {
     /// Terms of all samples that lie inside a surface which they may not enter.
     pub(super) fn springs(&self, p: &[Vector3<f64>]) -> Vec<Stencil> {
         let all = &self.surfaces;
-        let spring = |near: super::start::Near| {
+        let spring = |near: super::near::Near| {
             let [a, b, c] = all.triangles[near.triangle as usize];
             let scale = 0.5 * all.areas[near.point as usize] * self.stiffness(near.point, a) / self.distance;
             let x = self.triangle_points(near.point, near.triangle, p);

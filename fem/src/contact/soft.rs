@@ -11,7 +11,7 @@
 
 use super::ccd::largest;
 use super::closest::point_triangle;
-use super::start::Near;
+use super::near::Near;
 use super::stencil::{Law, Stencil};
 use super::{Contact, Mode};
 use nalgebra::Vector3;

@@ -1,7 +1,7 @@
 //! Is the start free of overlaps; where not, how deep, and how the mesh must change.
 
 use super::Contact;
-use super::closest::{edge_edge, feature, point_triangle};
+use super::closest::edge_edge;
 use super::normals::Normals;
 use super::surface::Surface;
 use super::tree::{Aabb, Fitted};
@@ -31,19 +31,6 @@ impl std::fmt::Display for Overlap {
             depth * 1e3
         )
     }
-}
-
-/// A collision point that is closer to another surface than wanted.
-#[derive(Debug)]
-pub(super) struct Near {
-    pub(super) point: u32,
-    pub(super) triangle: u32,
-    /// Weights of its closest point among the corners of the triangle.
-    pub(super) at: [f64; 3],
-    /// Direction out of the other surface.
-    pub(super) out: Vector3<f64>,
-    /// Signed distance \[m\], negative inside.
-    pub(super) gap: f64,
 }
 
 impl Contact {
@@ -102,76 +89,6 @@ impl Contact {
             found
         };
         let found: Vec<Vec<_>> = (0..all.edges.len()).into_par_iter().with_min_len(64).map(find).collect();
-        found.into_iter().flatten().collect()
-    }
-
-    /// Collision points closer than `least` to a surface that they may meet, or inside it.
-    pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
-        self.near_within(p, least, least + self.view(), 0.0)
-    }
-
-    /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
-    /// first point shows.
-    pub(super) fn view(&self) -> f64 {
-        VIEW * self.surfaces.edge_length
-    }
-
-    /// The same of points no farther than `view` \[m\] from the surface, and of the first point of every surface. What lies
-    /// beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
-    pub(super) fn near_within(&self, p: &[Vector3<f64>], least: f64, view: f64, aside: f64) -> Vec<Near> {
-        let all = &self.surfaces;
-        let fitted: Vec<(Fitted, Aabb, Normals)> = all
-            .list
-            .par_iter()
-            .map(|s| {
-                let corners = |t: usize| all.triangles[t].map(|c| p[c as usize]);
-                let box_of = |t: usize| {
-                    corners(t).iter().fold(Aabb::empty(), |sum, c| sum.join(&Aabb::of_way(c, c, 0.0)))
-                };
-                let whole = s.triangles.clone().fold(Aabb::empty(), |sum, t| sum.join(&box_of(t)));
-                let fitted = s.triangle_tree.fit(|t| box_of(s.triangles.start + t as usize));
-                (fitted, whole.grown(view), Normals::new(all, s, p))
-            })
-            .collect();
-        let first = |point: usize| all.list.iter().any(|s| s.samples.start == point);
-        let find = |point: usize| -> Vec<Near> {
-            let q = &p[point];
-            let within = if first(point) { f64::MAX.sqrt() } else { view };
-            let mut found = Vec::new();
-            for &other in &self.partners.of[all.surface(point as u32)] {
-                let (fitted, whole, normals) = &fitted[other];
-                let s = &all.list[other];
-                if !whole.contains(q) || other == all.surface(point as u32) {
-                    continue;
-                }
-                let squared = |t: u32| {
-                    let t = (s.triangles.start + t as usize) as u32;
-                    point_triangle(&self.triangle_points(point as u32, t, p)).squared()
-                };
-                let Some((t, d)) = s.triangle_tree.nearest(fitted, q, within, squared) else {
-                    continue;
-                };
-                let triangle = (s.triangles.start + t as usize) as u32;
-                if !self.partners.counts(all, &[point as u32], &all.triangles[triangle as usize]) {
-                    continue;
-                }
-                let x = self.triangle_points(point as u32, triangle, p);
-                let (which, at) = feature(&x);
-                let (normal, rim) = normals.of(all, triangle, which);
-                let height = point_triangle(&x).w.dot(&normal);
-                if rim && (d - height * height).max(0.0).sqrt() >= aside {
-                    continue;
-                }
-                let distance = if rim { height.abs() } else { d.sqrt() };
-                let gap = if height < 0.0 { -distance } else { distance };
-                if gap < least {
-                    found.push(Near { point: point as u32, triangle, at, out: normal, gap });
-                }
-            }
-            found
-        };
-        let found: Vec<Vec<Near>> =
-            (0..all.points.len()).into_par_iter().with_min_len(64).map(find).collect();
         found.into_iter().flatten().collect()
     }
 
@@ -306,8 +223,6 @@ fn crosses(a: &Vector3<f64>, b: &Vector3<f64>, [p, q, r]: &[Vector3<f64>; 3]) ->
     sides.iter().all(|v| *v > 0.0) || sides.iter().all(|v| *v < 0.0)
 }
 
-/// How deep overlaps are measured, in edge lengths.
-const VIEW: f64 = 4.0;
 /// Points too close, down to which parting takes no notice of edges that cross.
 const FEW: usize = 10;
 /// Rounds of parting the surfaces.

@@ -140,36 +140,43 @@ impl Tree {
         }
     }
 
-    /// The primitive nearest to `p` by `squared_distance`, closer than `within`; ties go to the lesser primitive.
+    /// The primitive nearest to `p` by `squared_distance`, closer than `within`; ties go to the lesser primitive. The answer does not
+    /// hang on `guess`, a primitive that is likely to be near.
     pub fn nearest(
         &self,
         fitted: &Fitted,
         p: &Vector3<f64>,
         within: f64,
+        guess: Option<u32>,
         mut squared_distance: impl FnMut(u32) -> f64,
     ) -> Option<(u32, f64)> {
         let mut best = (u32::MAX, within * within);
-        let mut stack = vec![0_u32];
-        if self.nodes.is_empty() {
-            return None;
+        let mut try_one = |q: u32, best: &mut (u32, f64)| {
+            let d = squared_distance(q);
+            if d < best.1 || (d == best.1 && q < best.0) {
+                *best = (q, d);
+            }
+        };
+        if let Some(guess) = guess {
+            try_one(guess, &mut best);
         }
-        while let Some(at) = stack.pop() {
+        let mut stack = [0_u32; 64];
+        let mut n = usize::from(!self.nodes.is_empty());
+        while n > 0 {
+            n -= 1;
+            let at = stack[n];
             if fitted.boxes[at as usize].squared_distance(p) > best.1 {
                 continue;
             }
             match self.nodes[at as usize] {
                 (first, end, 0) => {
-                    for &q in &self.order[first as usize..end as usize] {
-                        let d = squared_distance(q);
-                        if d < best.1 || (d == best.1 && q < best.0) {
-                            best = (q, d);
-                        }
-                    }
+                    self.order[first as usize..end as usize].iter().for_each(|&q| try_one(q, &mut best));
                 }
                 (_, _, second) => {
                     let (a, b) = (at + 1, second);
                     let [da, db] = [a, b].map(|i| fitted.boxes[i as usize].squared_distance(p));
-                    stack.extend(if da <= db { [b, a] } else { [a, b] });
+                    (stack[n], stack[n + 1]) = if da <= db { (b, a) } else { (a, b) };
+                    n += 2;
                 }
             }
         }

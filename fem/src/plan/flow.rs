@@ -63,7 +63,7 @@ impl Flow {
                 .iter()
                 .map(|(points, tree, fitted)| {
                     let squared = |i: u32| (points[i as usize] - p).norm_squared();
-                    tree.nearest(fitted, &p, f64::MAX.sqrt(), squared).map_or(f64::MAX, |(_, d)| d)
+                    tree.nearest(fitted, &p, f64::MAX.sqrt(), None, squared).map_or(f64::MAX, |(_, d)| d)
                 })
                 .collect();
             let least = squared.iter().fold(f64::MAX, |m, d| m.min(*d));

@@ -1,0 +1,143 @@
+//! Which collision points are near a surface or inside it.
+//!
+//! What was found is remembered: a signed distance changes by no more than the point and the surface have moved since, so most of
+//! what was far need not be looked at again, and the triangle that was nearest is the first to be tried. Neither changes the answer.
+
+use super::Contact;
+use super::closest::{feature, point_triangle};
+use super::tree::{Aabb, Fitted};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// How deep overlaps are measured, in edge lengths.
+const VIEW: f64 = 4.0;
+
+/// A collision point that is closer to another surface than wanted.
+#[derive(Debug)]
+pub(super) struct Near {
+    pub(super) point: u32,
+    pub(super) triangle: u32,
+    /// Weights of its closest point among the corners of the triangle.
+    pub(super) at: [f64; 3],
+    /// Direction out of the other surface.
+    pub(super) out: Vector3<f64>,
+    /// Signed distance \[m\], negative inside.
+    pub(super) gap: f64,
+}
+
+/// What the last search has found.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    /// How far it looked, and how far beside rims \[m\].
+    range: [f64; 2],
+    /// Positions of the collision points \[m\].
+    p: Vec<Vector3<f64>>,
+    /// What each collision point has seen.
+    seen: Vec<Vec<Seen>>,
+}
+
+/// A surface as seen from a collision point.
+#[derive(Debug)]
+struct Seen {
+    surface: usize,
+    /// The triangle that was nearest, counted from the first of the surface.
+    nearest: Option<u32>,
+    /// The signed distance is no less \[m\].
+    at_least: f64,
+}
+
+impl Contact {
+    /// Collision points closer than `least` to a surface that they may meet, or inside it.
+    pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
+        self.near_within(p, least, least + self.view(), 0.0)
+    }
+
+    /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
+    /// first point shows.
+    pub(super) fn view(&self) -> f64 {
+        VIEW * self.surfaces.edge_length
+    }
+
+    /// The same of points no farther than `view` \[m\] from the surface, and of the first point of every surface. What lies
+    /// beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
+    pub(super) fn near_within(&self, p: &[Vector3<f64>], least: f64, view: f64, aside: f64) -> Vec<Near> {
+        let all = &self.surfaces;
+        let mut memory = self.memory.lock().expect("no thread panics while it holds the memory");
+        if memory.range != [view, aside] {
+            let seen = p.iter().map(|_| Vec::new()).collect();
+            *memory = Memory { range: [view, aside], p: p.to_vec(), seen };
+        }
+        let moved: Vec<f64> = p.iter().zip(&memory.p).map(|(now, then)| (now - then).norm()).collect();
+        let way = |s: &super::surface::Surface| {
+            s.samples.clone().map(|i| moved[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })
+        };
+        let ways: Vec<f64> = all.list.iter().map(way).collect();
+        memory.p.copy_from_slice(p);
+        let normals = self.normals(p);
+        let fitted: Vec<(Fitted, Aabb)> = all
+            .list
+            .par_iter()
+            .map(|s| {
+                let box_of = |t: usize| {
+                    let corners = all.triangles[t].map(|c| p[c as usize]);
+                    corners.iter().fold(Aabb::empty(), |sum, c| sum.join(&Aabb::of_way(c, c, 0.0)))
+                };
+                let whole = s.triangles.clone().fold(Aabb::empty(), |sum, t| sum.join(&box_of(t)));
+                (s.triangle_tree.fit(|t| box_of(s.triangles.start + t as usize)), whole.grown(view))
+            })
+            .collect();
+        let first = |point: usize| all.list.iter().any(|s| s.samples.start == point);
+        let find = |(point, seen): (usize, &mut Vec<Seen>)| -> Vec<Near> {
+            let q = &p[point];
+            let mine = all.surface(point as u32);
+            seen.iter_mut().for_each(|s| s.at_least -= moved[point] + ways[s.surface]);
+            let mut found = Vec::new();
+            for &other in &self.partners.of[mine] {
+                let (fitted, whole) = &fitted[other];
+                if !whole.contains(q) || other == mine {
+                    continue;
+                }
+                let at = seen.iter().position(|s| s.surface == other).unwrap_or_else(|| {
+                    seen.push(Seen { surface: other, nearest: None, at_least: f64::NEG_INFINITY });
+                    seen.len() - 1
+                });
+                let seen = &mut seen[at];
+                if seen.at_least >= least {
+                    continue;
+                }
+                let s = &all.list[other];
+                let squared = |t: u32| {
+                    let t = (s.triangles.start + t as usize) as u32;
+                    point_triangle(&self.triangle_points(point as u32, t, p)).squared()
+                };
+                let within = if first(point) { f64::MAX.sqrt() } else { view };
+                let nearest = s.triangle_tree.nearest(fitted, q, within, seen.nearest, squared);
+                seen.nearest = nearest.map(|n| n.0);
+                let Some((t, d)) = nearest else {
+                    seen.at_least = within;
+                    continue;
+                };
+                let triangle = (s.triangles.start + t as usize) as u32;
+                let x = self.triangle_points(point as u32, triangle, p);
+                let (which, at) = feature(&x);
+                let (normal, rim) = normals[other].of(all, triangle, which);
+                let height = point_triangle(&x).w.dot(&normal);
+                let distance = if rim { height.abs() } else { d.sqrt() };
+                let gap = if height < 0.0 { -distance } else { distance };
+                // Beyond a rim it is not the distance to the surface.
+                seen.at_least = if rim { f64::NEG_INFINITY } else { gap };
+                let beside = rim && (d - height * height).max(0.0).sqrt() >= aside;
+                if gap < least
+                    && !beside
+                    && self.partners.counts(all, &[point as u32], &all.triangles[triangle as usize])
+                {
+                    found.push(Near { point: point as u32, triangle, at, out: normal, gap });
+                }
+            }
+            found
+        };
+        let found: Vec<Vec<Near>> =
+            memory.seen.par_iter_mut().enumerate().with_min_len(64).map(find).collect();
+        found.into_iter().flatten().collect()
+    }
+}
