@@ -2,15 +2,25 @@
 //!
 //! What was found is remembered: a signed distance changes by no more than the point and the surface have moved since, so most of
 //! what was far need not be looked at again, and the triangle that was nearest is the first to be tried. Neither changes the answer.
+//!
+//! A point inside a closed body has come in by the side that is nearest, unless that faces the way the point itself does: then the
+//! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
+//! body is deep, which then still sticks out there.
 
-use super::Contact;
 use super::closest::{feature, point_triangle};
+use super::normals::Normals;
+use super::surface::Surface;
 use super::tree::{Aabb, Fitted};
+use super::{Contact, Mode};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
+/// Cosine between the normals of a point and of a triangle from which on they face the same way.
+const ALIGNED: f64 = 0.5;
+/// Share of the way to the far side of a body that a point may go at once.
+const HALF: f64 = 0.5;
 
 /// A collision point that is closer to another surface than wanted.
 #[derive(Debug)]
@@ -23,6 +33,10 @@ pub(super) struct Near {
     pub(super) out: Vector3<f64>,
     /// Signed distance \[m\], negative inside.
     pub(super) gap: f64,
+    /// How far it may come closer in one go so as not to get past the middle of the body that it may enter \[m\]; infinite inside.
+    pub(super) room: f64,
+    /// How far it is beside the rim of an open surface \[m\].
+    beside: Option<f64>,
 }
 
 /// What the last search has found.
@@ -68,7 +82,7 @@ impl Contact {
             *memory = Memory { range: [view, aside], p: p.to_vec(), seen };
         }
         let moved: Vec<f64> = p.iter().zip(&memory.p).map(|(now, then)| (now - then).norm()).collect();
-        let way = |s: &super::surface::Surface| {
+        let way = |s: &Surface| {
             s.samples.clone().map(|i| moved[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })
         };
         let ways: Vec<f64> = all.list.iter().map(way).collect();
@@ -113,25 +127,34 @@ impl Contact {
                 let within = if first(point) { f64::MAX.sqrt() } else { view };
                 let nearest = s.triangle_tree.nearest(fitted, q, within, seen.nearest, squared);
                 seen.nearest = nearest.map(|n| n.0);
-                let Some((t, d)) = nearest else {
+                let Some(nearest) = nearest else {
                     seen.at_least = within;
                     continue;
                 };
-                let triangle = (s.triangles.start + t as usize) as u32;
-                let x = self.triangle_points(point as u32, triangle, p);
-                let (which, at) = feature(&x);
-                let (normal, rim) = normals[other].of(all, triangle, which);
-                let height = point_triangle(&x).w.dot(&normal);
-                let distance = if rim { height.abs() } else { d.sqrt() };
-                let gap = if height < 0.0 { -distance } else { distance };
+                let mut near = self.seen_from(point as u32, s, nearest.0, &normals[other], p);
                 // Beyond a rim it is not the distance to the surface.
-                seen.at_least = if rim { f64::NEG_INFINITY } else { gap };
-                let beside = rim && (d - height * height).max(0.0).sqrt() >= aside;
-                if gap < least
-                    && !beside
-                    && self.partners.counts(all, &[point as u32], &all.triangles[triangle as usize])
-                {
-                    found.push(Near { point: point as u32, triangle, at, out: normal, gap });
+                seen.at_least = if near.beside.is_some() { f64::NEG_INFINITY } else { near.gap };
+                if near.gap >= least || near.beside.is_some_and(|d| d >= aside) {
+                    continue;
+                }
+                if near.gap >= 0.0 {
+                    near.room = near.gap + HALF * all.depths[near.triangle as usize].min(view);
+                } else if self.mode == Mode::Guarded {
+                    let (mine, theirs) = (normals[mine].sample(point as u32), &normals[other]);
+                    let is_far = |t: u32| {
+                        theirs.triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED
+                    };
+                    let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
+                    let within = all.sample_depths[point].min(view);
+                    if is_far(nearest.0)
+                        && let Some((front, _)) = s.triangle_tree.nearest(fitted, q, within, None, squared)
+                    {
+                        near = self.seen_from(point as u32, s, front, theirs, p);
+                        near.gap = -near.gap.abs();
+                    }
+                }
+                if self.partners.counts(all, &[point as u32], &all.triangles[near.triangle as usize]) {
+                    found.push(near);
                 }
             }
             found
@@ -139,5 +162,19 @@ impl Contact {
         let found: Vec<Vec<Near>> =
             memory.seen.par_iter_mut().enumerate().with_min_len(64).map(find).collect();
         found.into_iter().flatten().collect()
+    }
+
+    /// The place of a point against the triangle `t`, counted from the first of its surface, which is nearest.
+    fn seen_from(&self, point: u32, s: &Surface, t: u32, normals: &Normals, p: &[Vector3<f64>]) -> Near {
+        let triangle = (s.triangles.start + t as usize) as u32;
+        let x = self.triangle_points(point, triangle, p);
+        let (which, at) = feature(&x);
+        let (out, rim) = normals.of(&self.surfaces, triangle, which);
+        let closest = point_triangle(&x);
+        let (squared, height) = (closest.squared(), closest.w.dot(&out));
+        let distance = if rim { height.abs() } else { squared.sqrt() };
+        let beside = rim.then(|| (squared - height * height).max(0.0).sqrt());
+        let gap = if height < 0.0 { -distance } else { distance };
+        Near { point, triangle, at, out, gap, room: f64::INFINITY, beside }
     }
 }

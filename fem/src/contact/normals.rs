@@ -16,6 +16,8 @@ pub(super) struct Normals {
     edges: Vec<(Vector3<f64>, usize)>,
     /// Sum over the triangles, weighted by angle, and whether it is on the rim.
     corners: Vec<(Vector3<f64>, bool)>,
+    /// Sum over the triangles.
+    samples: Vec<Vector3<f64>>,
 }
 
 impl Normals {
@@ -24,10 +26,12 @@ impl Normals {
         let mut triangles = Vec::with_capacity(s.triangles.len());
         let mut edges = vec![(Vector3::zeros(), 0); s.edges.len()];
         let mut corners = vec![(Vector3::zeros(), false); s.samples.len()];
+        let mut samples = vec![Vector3::zeros(); s.samples.len()];
         for t in s.triangles.clone() {
             let at = all.triangles[t].map(|c| p[c as usize]);
             let normal = (at[1] - at[0]).cross(&(at[2] - at[0])).normalize();
             triangles.push(normal);
+            all.triangle_samples[t].iter().for_each(|&p| samples[p as usize - first[2]] += normal);
             for e in all.triangle_edges[t] {
                 let edge = &mut edges[e as usize - first[1]];
                 *edge = (edge.0 + normal, edge.1 + 1);
@@ -40,7 +44,7 @@ impl Normals {
         for (e, _) in edges.iter().enumerate().filter(|(_, (_, n))| *n == 1) {
             all.edges[first[1] + e].points.iter().for_each(|&c| corners[c as usize - first[2]].1 = true);
         }
-        Normals { first, triangles, edges, corners }
+        Normals { first, triangles, edges, corners, samples }
     }
 
     /// Unit normal of a feature of a triangle, and whether it is the rim of an open surface, beyond which no side is inside: there
@@ -57,6 +61,16 @@ impl Normals {
             Feature::Vertex(v) => self.corners[all.triangles[t][v as usize] as usize - self.first[2]],
         };
         (if rim { own } else { normal.normalize() }, rim)
+    }
+
+    /// Unit normal of a triangle.
+    pub(super) fn triangle(&self, t: u32) -> Vector3<f64> {
+        self.triangles[t as usize - self.first[0]]
+    }
+
+    /// Unit normal of a sample, the mean over its triangles.
+    pub(super) fn sample(&self, s: u32) -> Vector3<f64> {
+        self.samples[s as usize - self.first[2]].normalize()
     }
 
     /// Unit normal of an edge; `None` on a rim.

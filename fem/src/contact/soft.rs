@@ -6,8 +6,8 @@
 //! every gap ends above that share the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
 //! more: it counts only where nothing overlaps in it, and the guarded mode goes on from there.
 //!
-//! A point leaves a body by the side that is nearest, so it must not get past the middle of it: no step takes one deeper than
-//! half the thickness of the body that it enters, and all surfaces must be closed.
+//! All surfaces must be closed. A point leaves a body by the side that is nearest, or by the one that its own body sticks out of where
+//! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
 
 use super::ccd::largest;
 use super::closest::point_triangle;
@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 
 /// Edge lengths that a node may move in one step.
 const LONGEST: f64 = 1.0;
-/// Share of the thickness of a body that a point may be inside it.
+/// Share of the thickness of the thickest body up to which points are looked for inside.
 const DEEPEST: f64 = 0.5;
 /// Gap that is left where surfaces are parted in the end, as a share of the activation distance.
 const PARTED: f64 = 0.1;
@@ -83,9 +83,8 @@ impl Contact {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);
-            let allowed = (n.gap + DEEPEST * all.list[all.surface(corners[0])].thickness).max(0.0);
-            if closing * share > allowed {
-                share = allowed / closing;
+            if closing * share > n.room {
+                share = n.room / closing;
             }
         }
         share

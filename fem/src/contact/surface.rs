@@ -5,8 +5,9 @@
 //! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
 
 use super::closest::EDGES;
-use super::tree::{Aabb, Tree};
+use super::tree::{Aabb, Fitted, Tree};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// One surface as it enters contact.
@@ -113,6 +114,12 @@ pub struct Surfaces {
     pub surface_of: Vec<u32>,
     /// Corners of the triangles.
     pub triangles: Vec<[u32; 3]>,
+    /// Samples of the triangles, those on edges and corners included.
+    pub triangle_samples: Vec<Vec<u32>>,
+    /// Way through the body from the middle of each triangle in the reference configuration \[m\]; infinite where the surface is open.
+    pub depths: Vec<f64>,
+    /// Least depth of the triangles of each sample \[m\].
+    pub sample_depths: Vec<f64>,
     /// Edges of the triangles, in the order of [`EDGES`].
     pub triangle_edges: Vec<[u32; 3]>,
     /// Edges.
@@ -173,6 +180,16 @@ impl Surfaces {
         let triangles: Vec<Aabb> = self.triangles[first_triangle..].iter().map(|t| box_of(t)).collect();
         let edges: Vec<Aabb> = self.edges[first_edge..].iter().map(|e| box_of(&e.points)).collect();
         let (triangle_tree, edge_tree) = (Tree::new(&triangles), Tree::new(&edges));
+        let corners: Vec<_> = self.triangles[first_triangle..].iter().map(|t| t.map(at)).collect();
+        let fitted = triangle_tree.fit(|t| triangles[t as usize]);
+        self.depths.extend(depths(&corners, &triangle_tree, &fitted));
+        self.sample_depths.resize(self.points.len(), f64::INFINITY);
+        for t in first_triangle..self.triangles.len() {
+            for &s in &self.triangle_samples[t] {
+                let depth = &mut self.sample_depths[s as usize];
+                *depth = depth.min(self.depths[t]);
+            }
+        }
         self.list.push(Surface {
             name: input.name.clone(),
             stiffness: input.stiffness,
@@ -218,6 +235,7 @@ impl Surfaces {
             // A quarter over the wanted distance is fine enough.
             let n = ((longest / spacing - 0.25).ceil() as usize).clamp(1, MAX_DIVISIONS);
             let share = self.area(t, X) / (3 * n * n) as f64;
+            let mut samples = Vec::with_capacity((n + 1) * (n + 2) / 2);
             for i in 0..=n {
                 for j in 0..=n - i {
                     let k = n - i - j;
@@ -228,12 +246,14 @@ impl Surfaces {
                         _ => 1.0,
                     };
                     let p = self.sample(t, [i, j, k], n, &mut on_edge);
+                    samples.push(p);
                     if self.areas.len() <= p as usize {
                         self.areas.resize(p as usize + 1, 0.0);
                     }
                     self.areas[p as usize] += parts * share;
                 }
             }
+            self.triangle_samples.push(samples);
         }
     }
 
@@ -304,4 +324,39 @@ impl Surfaces {
         let (p, q) = (&self.points[p as usize], &self.points[q as usize]);
         p.nodes[..p.n].iter().any(|n| q.nodes[..q.n].contains(n))
     }
+}
+
+/// Way \[m\] from the middle of each triangle into the body until it comes out of it; infinite where it never does.
+fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<f64> {
+    let diagonal = fitted.whole().map_or(0.0, |b| (b.hi - b.lo).norm());
+    let through = |[a, b, c]: &[Vector3<f64>; 3]| {
+        let (from, inwards) = ((a + b + c) / 3.0, (c - a).cross(&(b - a)).normalize());
+        let mut nearest = f64::INFINITY;
+        let mut length = (b - a).norm();
+        // Short ways first: their boxes meet little.
+        while !(nearest <= length) && length < 2.0 * diagonal {
+            length *= 2.0;
+            let way = Aabb::of_way(&from, &(from + inwards * length), 0.0);
+            tree.overlapping(fitted, &way, |t| {
+                if let Some(hit) = way_out(&from, &inwards, &triangles[t as usize]) {
+                    nearest = nearest.min(hit);
+                }
+            });
+        }
+        nearest
+    };
+    triangles.par_iter().map(through).collect()
+}
+
+/// How far along a ray a triangle is met from behind \[m\]: Möller & Trumbore, Fast, minimum storage ray-triangle intersection, J. Graph.
+/// Tools 2 (1997).
+fn way_out(from: &Vector3<f64>, along: &Vector3<f64>, [a, b, c]: &[Vector3<f64>; 3]) -> Option<f64> {
+    let (u, v, w) = (b - a, c - a, from - a);
+    let det = -u.cross(&v).dot(along);
+    if !(det < 0.0) {
+        return None;
+    }
+    let side = w.cross(along);
+    let (s, t) = (v.dot(&side) / det, -u.dot(&side) / det);
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0).then(|| w.dot(&u.cross(&v)) / det)
 }

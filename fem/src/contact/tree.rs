@@ -69,6 +69,13 @@ pub struct Fitted {
     boxes: Vec<Aabb>,
 }
 
+impl Fitted {
+    /// The box of all primitives; none where there are none.
+    pub fn whole(&self) -> Option<&Aabb> {
+        self.boxes.first()
+    }
+}
+
 impl Tree {
     /// Tree over primitives with these boxes.
     pub fn new(boxes: &[Aabb]) -> Tree {

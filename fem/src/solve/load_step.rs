@@ -3,8 +3,9 @@
 //! From t₀ to t₁ K Δx = −(g + ∂g/∂t (t₁ − t)) moves the free nodes along with what is prescribed, by the largest share of the
 //! step that inverts nothing; from there Newton's method starts.
 
+use super::convexity::Convexity;
 use super::linear::norm;
-use super::newton::{FIRST_CONVEXITY, Run, Taken};
+use super::newton::{Run, Taken};
 use super::{Loading, NotConverged, Reason, Stability};
 use std::time::Instant;
 
@@ -48,10 +49,16 @@ impl Run<'_> {
         t: f64,
         target: f64,
     ) -> Result<f64, Box<NotConverged>> {
-        (self.convexity, self.enough) = (0.0, FIRST_CONVEXITY);
+        self.convexity = Convexity::none();
         self.met_indefinite = false;
-        let reached = self.carry_over(potential, x, t, target)?;
-        self.may_approach = true;
+        let reached = if self.carry_softly(potential, x, t, target) {
+            self.may_approach = false;
+            target
+        } else {
+            let reached = self.carry_over(potential, x, t, target)?;
+            self.may_approach = true;
+            reached
+        };
         if reached < target {
             // On the way nobody asks for the equilibrium but the next piece of it, which starts from it.
             self.tolerance = self.settings.tolerance.max(ON_THE_WAY);
@@ -85,9 +92,21 @@ impl Run<'_> {
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
         let (start, before) = (x.to_vec(), potential.energy(x));
+        let better = self.equilibrate_softly(potential, x, load) && potential.energy(x) < before;
+        tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
+        if !better {
+            x.copy_from_slice(&start);
+        }
+        better
+    }
+
+    /// Takes `x` to equilibrium at the load `load` with softened contact, less and less so, and parts what overlaps then; returns
+    /// whether that led to a place where nothing overlaps.
+    fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
         self.tolerance = tolerance.max(ON_THE_WAY);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
+        self.may_approach = false;
         let way = FLOORS.iter().all(|&floor| {
             self.linear.forget();
             potential.soften(floor) && self.newton(potential, x, load).is_ok()
@@ -95,12 +114,36 @@ impl Run<'_> {
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
         potential.soften(0.0);
         self.linear.forget();
-        let better = way && potential.part(x) && potential.energy(x) < before && is_sound(potential, x, 0.0);
-        tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
-        if !better {
-            x.copy_from_slice(&start);
+        way && potential.part(x) && is_sound(potential, x, 0.0)
+    }
+
+    /// Moves the load to `target` and lets the potential carry the free nodes along through whatever they touch, to equilibrium with
+    /// softened contact; returns whether that ended at a place where nothing overlaps, and otherwise leaves `x` and the load `t`. Where
+    /// nothing touches on the way there is nothing to gain by it.
+    fn carry_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], t: f64, target: f64) -> bool {
+        let n = potential.n_pieces(target);
+        if n == 0 || !potential.soften(FLOORS[0]) {
+            return false;
         }
-        better
+        potential.soften(0.0);
+        let start = x.to_vec();
+        let (det_before, _) = potential.least_det_f(x);
+        let mut touches = false;
+        for piece in 1..=n {
+            let places = potential.touching(x);
+            let load = t + piece as f64 / n as f64 * (target - t);
+            potential.carry(if piece == n { target } else { load }, x);
+            touches = touches || potential.free_share(&places, x) < 1.0;
+        }
+        let done = touches
+            && potential.least_det_f(x).0 >= CARRIED_DET_F_SHARE * det_before
+            && self.equilibrate_softly(potential, x, target);
+        tracing::debug!(island = %self.name, step = self.step, from = t, target, touches, done, "carried along softly");
+        if !done {
+            x.copy_from_slice(&start);
+            potential.set_load(t, x);
+        }
+        done
     }
 
     /// Moves the load to `target`, or as far as contact allows, and the free nodes along with it; returns the load.

@@ -4,6 +4,7 @@
 
 pub mod block_matrix;
 pub mod cholesky;
+mod convexity;
 mod dissection;
 mod islands;
 mod line_search;

@@ -2,14 +2,11 @@
 //!
 //! Nocedal & Wright, Numerical Optimization, 2nd ed., ch. 3 and 6.
 
+use super::convexity::Convexity;
 use super::line_search::{energy_round_off, round_off};
 use super::linear::{LinearReport, LinearSolver, dot, norm};
 use super::{Advance, BlockMatrix, Indefinite, Iteration, Loading, NotConverged, Reason, Settings};
 use std::time::Instant;
-
-/// Convexity tried first where the true Hessian is indefinite, and the least one.
-pub(super) const FIRST_CONVEXITY: f64 = 0.25;
-const LEAST_CONVEXITY: f64 = 1.0 / 256.0;
 
 /// Length of a step below which softened contact is asked for a better guess.
 const CUT_SHORT: f64 = 0.25;
@@ -30,11 +27,8 @@ pub(super) struct Run<'a> {
     pub(super) supported: bool,
     /// Unknowns that are prescribed.
     pub(super) fixed: Vec<bool>,
-    /// Share of the negative curvatures that the next Hessian loses, see [`Potential::hessian`](super::Potential::hessian): a
-    /// quarter of what made the last one definite.
-    pub(super) convexity: f64,
-    /// The last one that was enough where the true Hessian was not.
-    pub(super) enough: f64,
+    /// How convex the next Hessian is made.
+    pub(super) convexity: Convexity,
     /// Softened contact was not tried in this load step yet.
     pub(super) may_approach: bool,
     /// An indefinite Hessian was met in this load step.
@@ -97,7 +91,7 @@ impl Run<'_> {
                     return Ok(());
                 }
                 Err(_) if !projected => {
-                    self.convexity = self.enough;
+                    self.convexity.next = self.convexity.enough;
                     self.met_indefinite = true;
                     self.linear.forget();
                     continue;
@@ -148,7 +142,7 @@ impl Run<'_> {
             }
         }
         let mut total = LinearReport::default();
-        let (mut convexity, mut shift) = (self.convexity, 0.0);
+        let (mut convexity, mut shift) = (self.convexity.next, 0.0);
         loop {
             let start = Instant::now();
             if shift > 0.0 {
@@ -169,16 +163,12 @@ impl Run<'_> {
             total.relative_residual = report.relative_residual;
             match outcome {
                 Ok(()) if dot(dx, &rhs) > 0.0 || norm(&rhs) == 0.0 => {
-                    if convexity > 0.0 {
-                        self.enough = convexity;
-                    }
-                    let next = convexity / 4.0;
-                    self.convexity = if next < LEAST_CONVEXITY { 0.0 } else { next };
+                    self.convexity.suffices(convexity);
                     return Ok((total, convexity > 0.0));
                 }
-                _ if convexity < self.enough => {
+                _ if convexity < self.convexity.enough => {
                     self.met_indefinite = true;
-                    convexity = self.enough;
+                    convexity = self.convexity.enough;
                 }
                 _ if convexity < 1.0 => convexity = (4.0 * convexity).min(1.0),
                 _ if shift < 1.0 => shift = if shift == 0.0 { 1e-8 } else { 100.0 * shift },

@@ -2,8 +2,9 @@
 //!
 //! A load step that fails is tried again from the last equilibrium with a quarter of its length.
 
+use super::convexity::Convexity;
 use super::linear::LinearSolver;
-use super::newton::{FIRST_CONVEXITY, Run};
+use super::newton::Run;
 use super::rigid::free_parts;
 use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pattern, Reason, SolveError};
 use std::sync::Arc;
@@ -115,8 +116,7 @@ impl Solver {
             k,
             supported: *supported,
             fixed: potential.fixed().to_vec(),
-            convexity: 0.0,
-            enough: FIRST_CONVEXITY,
+            convexity: Convexity::none(),
             met_indefinite: false,
             may_approach: false,
         };

@@ -1,7 +1,7 @@
 //! Is an equilibrium stable, and which way leads out of one that is not?
 
 use super::Loading;
-use super::newton::{FIRST_CONVEXITY, Run};
+use super::newton::Run;
 
 impl Run<'_> {
     /// Whether the Hessian at `x` is positive definite.
@@ -60,6 +60,6 @@ impl Run<'_> {
             size /= 2.0;
         }
         self.linear.forget();
-        self.convexity = FIRST_CONVEXITY;
+        self.convexity.first();
     }
 }
