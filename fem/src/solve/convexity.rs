@@ -1,10 +1,12 @@
 //! How much of its negative curvatures the Hessian has to lose.
 
+use super::patience::Patience;
+
 /// Convexity tried first where the true Hessian is indefinite, and the least one.
 const FIRST: f64 = 0.25;
 const LEAST: f64 = 1.0 / 256.0;
 /// Iterations at most that go by until less is tried again.
-const LONGEST_WAIT: usize = 8;
+const LONGEST_WAIT: u32 = 8;
 
 /// The share of the negative curvatures that the next Hessian loses, see [`Potential::hessian`](super::Potential::hessian): a quarter of
 /// what made the last one definite. Where less keeps failing it is tried less often, for a trial costs a Hessian.
@@ -14,15 +16,13 @@ pub(super) struct Convexity {
     pub(super) next: f64,
     /// The last one that was enough where the true Hessian was not.
     pub(super) enough: f64,
-    /// Iterations to wait after a failure, and those waited since.
-    patience: usize,
-    waited: usize,
+    patience: Patience,
 }
 
 impl Convexity {
     /// Starts with the true Hessian.
     pub(super) fn none() -> Convexity {
-        Convexity { next: 0.0, enough: FIRST, patience: 0, waited: 0 }
+        Convexity { next: 0.0, enough: FIRST, patience: Patience::new(LONGEST_WAIT) }
     }
 
     /// Less than `FIRST` is not tried next.
@@ -32,22 +32,18 @@ impl Convexity {
 
     /// A Hessian that lost `share` was definite, the one of `next` or one after it.
     pub(super) fn suffices(&mut self, share: f64) {
-        let failed = share > self.next;
-        if failed {
-            (self.patience, self.waited) = ((2 * self.patience).clamp(1, LONGEST_WAIT), 0);
+        if share > self.next {
+            self.patience.fail();
         } else if share < self.enough {
-            self.patience = 0;
+            self.patience.succeed();
         }
         if share > 0.0 {
             self.enough = share;
         }
-        self.next = if self.waited < self.patience {
-            self.waited += 1;
-            share
-        } else if share / 4.0 < LEAST {
-            0.0
-        } else {
-            share / 4.0
+        self.next = match self.patience.is_over() {
+            false => share,
+            true if share / 4.0 < LEAST => 0.0,
+            true => share / 4.0,
         };
     }
 }

@@ -4,12 +4,15 @@
 //! and the answer are of double precision. Where single precision breaks down, or serves badly, double takes over.
 //! Nothing here depends on the clock, so that the same input gives the same bits.
 
+use super::patience::Patience;
 use super::{Analysis, BlockMatrix, Cholesky, Indefinite, Pattern};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Iterations with a fresh factor of single precision after which double precision takes over.
 const FRESH_LIMIT: usize = 40;
+/// Solves at most for which a kept factor that did not serve is not tried.
+const LONGEST_WAIT: u32 = 4;
 
 /// What a solve took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,6 +41,7 @@ pub struct LinearSolver {
     needs_double: bool,
     /// The kept factor is worth a try.
     usable: bool,
+    patience: Patience,
     /// Iterations that a factorization is worth.
     worth: usize,
 }
@@ -54,6 +58,7 @@ impl LinearSolver {
             double: None,
             needs_double: double,
             usable: false,
+            patience: Patience::new(LONGEST_WAIT),
             worth,
         }
     }
@@ -82,13 +87,16 @@ impl LinearSolver {
     ) -> (LinearReport, Result<(), Indefinite>) {
         let mut report = LinearReport::default();
         x.fill(0.0);
-        if self.usable {
+        if self.usable && self.patience.is_over() {
             let outcome = self.iterate(k, b, x, tolerance, self.worth, &mut report);
             // Most of the worth is spent: the next matrix, farther away, will need a factor of its own.
             self.usable = outcome == Outcome::Converged && 2 * report.iterations <= self.worth;
             match outcome {
-                Outcome::Converged => return (report, Ok(())),
-                Outcome::Limit => {}
+                Outcome::Converged => {
+                    self.patience.succeed();
+                    return (report, Ok(()));
+                }
+                Outcome::Limit => self.patience.fail(),
                 Outcome::NegativeCurvature(unknown) => return (report, Err(Indefinite { unknown })),
             }
         }

@@ -13,6 +13,7 @@ mod load_step;
 mod log;
 mod newton;
 mod outcome;
+mod patience;
 mod rigid;
 mod solver;
 mod stability;
