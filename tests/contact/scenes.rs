@@ -1,5 +1,6 @@
 //! Scenes with contact: nothing passes through, forces are those of mechanics, mistakes are named.
 
+use fem::body::Pose;
 use fem::measure::{contact_tractions, nodal_forces, pair_forces, support_wrench};
 use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
@@ -137,37 +138,82 @@ fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f
     assert!(seen >= 17, "Hessian exact in {seen} of 20 states, {worst_second}");
 }
 
+/// Past the middle of a thin plate softened contact still pushes a block back to the side that it came from; a thin plate deep inside a
+/// block leaves by the side that is nearest.
+#[test]
+fn softened_contact_finds_the_way_back_through_thin_bodies() {
+    let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
+    let law = LawSpec::NeoHookean { young: 20e3, nu: 0.3 };
+    for (name, n, size, shift) in [
+        ("plate", [12, 12, 1], [0.04, 0.04, 0.002], [0.0; 3]),
+        ("block", [4, 4, 2], [0.02, 0.02, 0.012], [0.0113, 0.0107, 0.003]),
+    ] {
+        add(&mut scene, &mut mesh, name, generate::block(n, size), shift, law.clone());
+        scene.prescribed.push(held(&format!("{name}_x_min"), [true; 3]));
+    }
+    scene.contact = Some(ContactSpec { distance: 1e-3, ..ContactSpec::new(&["plate_block", "block_block"]) });
+    let plan = plan(&scene, &mesh);
+    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let first = 13 * 13 * 2; // of the block
+    let upward = |bottom: f64| -> f64 {
+        let mut x = plan.reference();
+        x.iter_mut().skip(3 * first + 2).step_by(3).for_each(|z| *z += bottom - 0.003);
+        let mut g = vec![0.0; x.len()];
+        contact.add_gradient(&x, 0.3, &mut g);
+        -g.iter().skip(3 * first + 2).step_by(3).sum::<f64>()
+    };
+    let ascending = |f: &[f64]| f.windows(2).all(|f| f[1] > f[0]);
+    let into_plate = [1.7e-3, 1.4e-3, 0.8e-3, 0.5e-3, 0.2e-3].map(upward);
+    println!("the block's bottom inside the plate: {into_plate:?} N");
+    assert!(into_plate[0] > 0.0 && ascending(&into_plate), "{into_plate:?}");
+    // The top of the block 1 to 2.5 mm above the plate, which is inside.
+    let around_plate = [1.0e-3, 1.5e-3, 2.5e-3].map(|above| -upward(0.002 + above - 0.012));
+    println!("the plate inside the block: {around_plate:?} N");
+    assert!(around_plate[0] > 0.0 && ascending(&around_plate), "{around_plate:?}");
+}
+
 /// A block is dragged over the waves of another, by twelve times the gap and more than the length of its cells: in one step, for
-/// which softened contact finds the guess, and in many short ones, which need none.
+/// which softened contact finds the guess, and in many short ones, which need none. Once its top is displaced, and once it is carried
+/// along with a body.
 #[test]
 fn a_long_slide_ends_where_many_short_ones_do() {
-    let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
-    let parts =
-        [("lower", [8, 4, 2], [0.04, 0.02, 0.01], 0.0), ("upper", [4, 3, 2], [0.012, 0.01, 0.008], 0.0112)];
-    for (name, n, size, z) in parts {
-        let law = LawSpec::NeoHookean { young: 20e3, nu: 0.45 };
-        add(&mut scene, &mut mesh, name, generate::block(n, size), [0.002, 0.0, z], law);
+    let way = [0.015, 0.002, -0.0015];
+    for on_body in [false, true] {
+        let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
+        let parts = [
+            ("lower", [8, 4, 2], [0.04, 0.02, 0.01], 0.0),
+            ("upper", [4, 3, 2], [0.012, 0.01, 0.008], 0.0112),
+        ];
+        for (name, n, size, z) in parts {
+            let law = LawSpec::NeoHookean { young: 20e3, nu: 0.45 };
+            add(&mut scene, &mut mesh, name, generate::block(n, size), [0.002, 0.0, z], law);
+        }
+        for p in mesh.points.iter_mut().filter(|p| p[2] < 0.0105) {
+            p[2] *= 1.0 + 0.05 * (400.0 * p[0]).sin();
+        }
+        scene.prescribed.push(held("lower_z_min", [true; 3]));
+        match on_body {
+            false => scene.prescribed.push(moved("upper_z_max", [true; 3], way, "slide")),
+            true => scene.ties.push(TieSpec { nodes: "upper_z_max".to_string(), body: "sledge".to_string() }),
+        }
+        scene.contact = Some(ContactSpec::new(&["lower_block", "upper_block"]));
+        let plan = plan(&scene, &mesh);
+        let pose = Pose::translation(way[0], way[1], way[2]);
+        let end = |steps: usize| {
+            let drive = match on_body {
+                false => ramp(&plan, &[("slide", 1.0)], &[], steps),
+                true => ramp(&plan, &[], &[("sledge", pose)], steps),
+            };
+            let out = guarded(&plan, &drive, &Settings::default());
+            let out = out.unwrap_or_else(|e| panic!("{steps} steps: {e}"));
+            let n: usize = out.frames.iter().flat_map(|f| &f.islands).map(|i| i.iterations).sum();
+            println!("on a body {on_body}, {steps} steps: {n} iterations");
+            out.last().expect("a frame").x.clone()
+        };
+        let (one, many) = (end(1), end(30));
+        let apart = one.iter().zip(&many).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-7, "nodes end {apart} m apart");
     }
-    for p in mesh.points.iter_mut().filter(|p| p[2] < 0.0105) {
-        p[2] *= 1.0 + 0.05 * (400.0 * p[0]).sin();
-    }
-    scene.prescribed.push(held("lower_z_min", [true; 3]));
-    scene.prescribed.push(moved("upper_z_max", [true; 3], [0.015, 0.002, -0.0015], "slide"));
-    scene.contact = Some(ContactSpec::new(&["lower_block", "upper_block"]));
-    let plan = plan(&scene, &mesh);
-    let end = |steps: usize| {
-        let out = guarded(&plan, &ramp(&plan, &[("slide", 1.0)], &[], steps), &Settings::default());
-        let out = out.unwrap_or_else(|e| panic!("{steps} steps: {e}"));
-        let last = out.last().expect("a frame");
-        println!(
-            "{steps} steps: {} iterations",
-            out.frames.iter().flat_map(|f| &f.islands).map(|i| i.iterations).sum::<usize>()
-        );
-        last.x.clone()
-    };
-    let (one, many) = (end(1), end(30));
-    let apart = one.iter().zip(&many).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(apart < 1e-7, "nodes end {apart} m apart");
 }
 
 /// A wall leans over the held corner of a blade, and both are held by the same ground: what is tied to it at one end can still meet

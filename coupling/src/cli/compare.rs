@@ -31,9 +31,9 @@ pub struct CompareArguments {
     /// Posture in which the mesh is free of stress, in place of the scene's: standing, or at heel strike as in the publication.
     #[arg(long, value_enum)]
     stress_free: Option<StressFreeChoice>,
-    /// Which configurations are computed, where the scene has contact. Contact of all muscles at once still takes very long.
-    #[arg(long, value_enum, default_value = "without")]
-    contact: ContactChoice,
+    /// Which configurations are computed [default: both where the scene has contact; without where it has none, or with --two-way].
+    #[arg(long, value_enum)]
+    contact: Option<ContactChoice>,
     /// Only these muscles, by name, in place of the scene's.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
@@ -105,15 +105,16 @@ impl CompareArguments {
         }
         let has_contact = scene.contact.is_some();
         let asked = match self.contact {
-            ContactChoice::Without => [true, false],
+            None => [true, has_contact && self.two_way.is_none()],
+            Some(ContactChoice::Without) => [true, false],
             _ if !has_contact => {
                 let name = &scene.name;
                 return Err(CommandError::Option(format!(
                     "--contact: the scene `{name}` has none; choose without"
                 )));
             }
-            ContactChoice::Both => [true, true],
-            ContactChoice::With => [false, true],
+            Some(ContactChoice::Both) => [true, true],
+            Some(ContactChoice::With) => [false, true],
         };
         Ok((scene, asked))
     }
