@@ -185,7 +185,8 @@ fn states_that_are_stale_or_broken_are_not_taken_over() {
     assert_eq!(resumed(SCENE), 1);
     // Without --resume everything of the earlier run goes, and what is not of it stays.
     fs::write(out.join("contact/mine.txt"), "mine").unwrap();
-    let output = sartorius(&["compare", "scene.toml", "--out", "killed"], folder.path());
+    let output =
+        sartorius(&["compare", "scene.toml", "--contact", "without", "--out", "killed"], folder.path());
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let left: Vec<String> = files(&out.join("contact")).into_keys().collect();
     assert_eq!(left, ["mine.txt"]);
