@@ -227,6 +227,8 @@ fn calibrated_muscles_pull_as_the_rigid_leg_says_where_the_bones_stand_still() {
         "14",
         "--stress-free",
         "heel-strike",
+        "--contact",
+        "without",
         "--only",
         "gluteus_minimus,gluteus_medius",
     ];
