@@ -90,6 +90,7 @@ pub struct Contact {
     cache: Mutex<Arc<Candidates>>,
     /// The terms at the positions asked for last: energy, gradient and Hessian of one state are asked for one after the other.
     last: Mutex<Arc<Terms>>,
+    /// What the last search for near points has found.
     memory: Mutex<near::Memory>,
 }
 

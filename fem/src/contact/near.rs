@@ -88,18 +88,8 @@ impl Contact {
         let ways: Vec<f64> = all.list.iter().map(way).collect();
         memory.p.copy_from_slice(p);
         let normals = self.normals(p);
-        let fitted: Vec<(Fitted, Aabb)> = all
-            .list
-            .par_iter()
-            .map(|s| {
-                let box_of = |t: usize| {
-                    let corners = all.triangles[t].map(|c| p[c as usize]);
-                    corners.iter().fold(Aabb::empty(), |sum, c| sum.join(&Aabb::of_way(c, c, 0.0)))
-                };
-                let whole = s.triangles.clone().fold(Aabb::empty(), |sum, t| sum.join(&box_of(t)));
-                (s.triangle_tree.fit(|t| box_of(s.triangles.start + t as usize)), whole.grown(view))
-            })
-            .collect();
+        let fitted = self.fitted(p);
+        let boxes: Vec<Aabb> = fitted.iter().map(|f| f.whole().grown(view)).collect();
         let first = |point: usize| all.list.iter().any(|s| s.samples.start == point);
         let find = |(point, seen): (usize, &mut Vec<Seen>)| -> Vec<Near> {
             let q = &p[point];
@@ -107,8 +97,7 @@ impl Contact {
             seen.iter_mut().for_each(|s| s.at_least -= moved[point] + ways[s.surface]);
             let mut found = Vec::new();
             for &other in &self.partners.of[mine] {
-                let (fitted, whole) = &fitted[other];
-                if !whole.contains(q) || other == mine {
+                if !boxes[other].contains(q) || other == mine {
                     continue;
                 }
                 let at = seen.iter().position(|s| s.surface == other).unwrap_or_else(|| {
@@ -125,7 +114,7 @@ impl Contact {
                     point_triangle(&self.triangle_points(point as u32, t, p)).squared()
                 };
                 let within = if first(point) { f64::MAX.sqrt() } else { view };
-                let nearest = s.triangle_tree.nearest(fitted, q, within, seen.nearest, squared);
+                let nearest = s.triangle_tree.nearest(&fitted[other], q, within, seen.nearest, squared);
                 seen.nearest = nearest.map(|n| n.0);
                 let Some(nearest) = nearest else {
                     seen.at_least = within;
@@ -147,7 +136,8 @@ impl Contact {
                     let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
                     let within = all.sample_depths[point].min(view);
                     if is_far(nearest.0)
-                        && let Some((front, _)) = s.triangle_tree.nearest(fitted, q, within, None, squared)
+                        && let Some((front, _)) =
+                            s.triangle_tree.nearest(&fitted[other], q, within, None, squared)
                     {
                         near = self.seen_from(point as u32, s, front, theirs, p);
                         near.gap = -near.gap.abs();
@@ -162,6 +152,15 @@ impl Contact {
         let found: Vec<Vec<Near>> =
             memory.seen.par_iter_mut().enumerate().with_min_len(64).map(find).collect();
         found.into_iter().flatten().collect()
+    }
+
+    /// Boxes of the triangle trees of all surfaces with the collision points at `p`.
+    pub(super) fn fitted(&self, p: &[Vector3<f64>]) -> Vec<Fitted> {
+        let all = &self.surfaces;
+        let fit = |s: &Surface| {
+            s.triangle_tree.fit(|t| Aabb::of(&all.triangles[s.triangles.start + t as usize], p))
+        };
+        all.list.par_iter().map(fit).collect()
     }
 
     /// The place of a point against the triangle `t`, counted from the first of its surface, which is nearest.

@@ -3,8 +3,7 @@
 use super::Contact;
 use super::closest::edge_edge;
 use super::normals::Normals;
-use super::surface::Surface;
-use super::tree::{Aabb, Fitted};
+use super::tree::Aabb;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -64,16 +63,11 @@ impl Contact {
     /// Edges that pass through triangles of surfaces that they may meet.
     fn crossings(&self, p: &[Vector3<f64>]) -> Vec<[u32; 2]> {
         let all = &self.surfaces;
-        let of = |points: &[u32]| {
-            let grow = |sum: Aabb, i: &u32| sum.join(&Aabb::of_way(&p[*i as usize], &p[*i as usize], 0.0));
-            points.iter().fold(Aabb::empty(), grow)
-        };
-        let fit = |s: &Surface| s.triangle_tree.fit(|t| of(&all.triangles[s.triangles.start + t as usize]));
-        let fitted: Vec<Fitted> = all.list.par_iter().map(fit).collect();
+        let fitted = self.fitted(p);
         let find = |e: usize| -> Vec<[u32; 2]> {
             let ends = &all.edges[e].points;
             let [a, b] = ends.map(|i| p[i as usize]);
-            let (query, mut found) = (of(ends), Vec::new());
+            let (query, mut found) = (Aabb::of(ends, p), Vec::new());
             for &other in &self.partners.of[all.surface(ends[0])] {
                 let s = &all.list[other];
                 s.triangle_tree.overlapping(&fitted[other], &query, |t| {

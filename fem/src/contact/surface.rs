@@ -328,7 +328,8 @@ impl Surfaces {
 
 /// Way \[m\] from the middle of each triangle into the body until it comes out of it; infinite where it never does.
 fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<f64> {
-    let diagonal = fitted.whole().map_or(0.0, |b| (b.hi - b.lo).norm());
+    let whole = fitted.whole();
+    let diagonal = (whole.hi - whole.lo).norm();
     let through = |[a, b, c]: &[Vector3<f64>; 3]| {
         let (from, inwards) = ((a + b + c) / 3.0, (c - a).cross(&(b - a)).normalize());
         let mut nearest = f64::INFINITY;

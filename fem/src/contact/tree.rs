@@ -25,6 +25,13 @@ impl Aabb {
         Aabb { lo: a.inf(b).add_scalar(-by), hi: a.sup(b).add_scalar(by) }
     }
 
+    /// The box of some of the points at `p`.
+    pub fn of(points: &[u32], p: &[Vector3<f64>]) -> Aabb {
+        points
+            .iter()
+            .fold(Aabb::empty(), |sum, &i| sum.join(&Aabb::of_way(&p[i as usize], &p[i as usize], 0.0)))
+    }
+
     /// The box of both.
     pub fn join(&self, other: &Aabb) -> Aabb {
         Aabb { lo: self.lo.inf(&other.lo), hi: self.hi.sup(&other.hi) }
@@ -70,9 +77,9 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// The box of all primitives; none where there are none.
-    pub fn whole(&self) -> Option<&Aabb> {
-        self.boxes.first()
+    /// The box of all primitives.
+    pub fn whole(&self) -> Aabb {
+        self.boxes.first().copied().unwrap_or(Aabb::empty())
     }
 }
 

@@ -52,7 +52,6 @@ impl Run<'_> {
         self.convexity = Convexity::none();
         self.met_indefinite = false;
         let reached = if self.carry_softly(potential, x, t, target) {
-            self.may_approach = false;
             target
         } else {
             let reached = self.carry_over(potential, x, t, target)?;
@@ -90,7 +89,6 @@ impl Run<'_> {
     /// Takes `x` towards the equilibrium at the load `load` by way of softened contact; returns whether that led to a better place
     /// where nothing overlaps, and otherwise leaves `x`.
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
-        self.may_approach = false;
         let (start, before) = (x.to_vec(), potential.energy(x));
         let better = self.equilibrate_softly(potential, x, load) && potential.energy(x) < before;
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
@@ -101,7 +99,7 @@ impl Run<'_> {
     }
 
     /// Takes `x` to equilibrium at the load `load` with softened contact, less and less so, and parts what overlaps then; returns
-    /// whether that led to a place where nothing overlaps.
+    /// whether that led to a place where nothing overlaps. It is not tried again in this load step.
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
         self.tolerance = tolerance.max(ON_THE_WAY);
