@@ -452,3 +452,23 @@ fn uniform_pressure_passes_unequal_meshes() {
         assert!(worst < 5e-3, "{surface}: {worst}");
     }
 }
+
+/// A tip whose faces are smaller than its overlap with a coarse body is mended: it does not turn over on the way.
+#[test]
+fn a_tip_finer_than_its_overlap_is_mended() {
+    let spec = ContactSpec { repair: 2e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (mut scene, mut mesh) = two_blocks([[4, 4, 2], [6, 6, 8]], 0.0, spec);
+    let first = mesh.points.len() - 7 * 7 * 9;
+    for p in &mut mesh.points[first..] {
+        // A pyramid of 0.3 mm faces at its tip, tilted, 1.2 mm into the lower block near a corner of its.
+        let height = (p[2] - 10e-3) / 10e-3;
+        let width = 0.09 + 0.91 * height;
+        let (x, y) = (width * (p[0] - 10e-3), width * (p[1] - 10e-3));
+        *p = [19e-3 + x + 2e-3 * height, 19e-3 + y + 1e-3 * height, p[2] - 1.2e-3 + 0.3 * x];
+    }
+    scene.prescribed.push(held("lower_block", [true; 3]));
+    let plan = plan(&scene, &mesh);
+    println!("{:?}", plan.repair);
+    assert!(plan.repair.overlaps[0].depth > 0.5e-3, "there was an overlap");
+    assert!(plan.repair.farthest < 2e-3 && plan.repair.n_ignored == 0);
+}

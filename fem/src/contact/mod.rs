@@ -23,6 +23,7 @@ pub mod closest;
 mod measure;
 mod near;
 mod normals;
+mod part;
 mod penalty;
 mod soft;
 mod start;

@@ -1,8 +1,6 @@
-//! Is the start free of overlaps; where not, how deep, and how the mesh must change.
+//! Is the start free of overlaps; where not, how deep.
 
 use super::Contact;
-use super::closest::edge_edge;
-use super::normals::Normals;
 use super::tree::Aabb;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -61,7 +59,7 @@ impl Contact {
     }
 
     /// Edges that pass through triangles of surfaces that they may meet.
-    fn crossings(&self, p: &[Vector3<f64>]) -> Vec<[u32; 2]> {
+    pub(super) fn crossings(&self, p: &[Vector3<f64>]) -> Vec<[u32; 2]> {
         let all = &self.surfaces;
         let fitted = self.fitted(p);
         let find = |e: usize| -> Vec<[u32; 2]> {
@@ -86,99 +84,6 @@ impl Contact {
         found.into_iter().flatten().collect()
     }
 
-    /// Displacements \[m\] of the nodes at `x` that take all surfaces at least `gap` \[m\] apart, `gap` well above zero; nodes
-    /// for which `moves` is false stay. Where that cannot be reached: (node, surface) of what stays too close.
-    pub fn part(
-        &self,
-        x: &[f64],
-        gap: f64,
-        moves: &dyn Fn(u32) -> bool,
-    ) -> Result<Vec<f64>, Vec<(u32, usize)>> {
-        let mut now = x.to_vec();
-        for round in 0.. {
-            let p = self.surfaces.positions(&now);
-            let near = self.near(&p, gap);
-            let late = near.len() <= FEW || round == MAX_ROUNDS;
-            let crossings = if late { self.crossings(&p) } else { Vec::new() };
-            if near.is_empty() && crossings.is_empty() {
-                break;
-            }
-            if round == MAX_ROUNDS {
-                let pairs = near.iter().map(|n| (vec![n.point], n.triangle));
-                let crossing =
-                    crossings.iter().map(|c| (self.surfaces.edges[c[0] as usize].points.to_vec(), c[1]));
-                return Err(pairs
-                    .chain(crossing)
-                    .flat_map(|(points, t)| self.nodes_of_pair(&points, t))
-                    .collect());
-            }
-            // Of all wishes of a node the greatest counts.
-            let mut wish = BTreeMap::<u32, Vector3<f64>>::new();
-            let mut push = |a: &[u32], b: &[u32], way: Vector3<f64>| {
-                let side = |points: &[u32]| -> Vec<u32> {
-                    let nodes = points.iter().flat_map(|&p| self.surfaces.points[p as usize].parts());
-                    nodes
-                        .filter(|(node, weight)| *weight > 0.05 && moves(*node))
-                        .map(|(node, _)| node)
-                        .collect()
-                };
-                let (mine, theirs) = (side(a), side(b));
-                let share = if mine.is_empty() || theirs.is_empty() { 1.0 } else { 0.5 };
-                for (nodes, way) in [(mine, way * share), (theirs, -way * share)] {
-                    for node in nodes {
-                        let wish = wish.entry(node).or_default();
-                        if way.norm() > wish.norm() {
-                            *wish = way;
-                        }
-                    }
-                }
-            };
-            for n in &near {
-                let corners = self.surfaces.triangles[n.triangle as usize];
-                let weighty: Vec<u32> = (0..3).filter(|&c| n.at[c] > 0.05).map(|c| corners[c]).collect();
-                push(&[n.point], &weighty, n.out * (1.05 * gap - n.gap));
-            }
-            let normals = if crossings.is_empty() { Vec::new() } else { self.normals(&p) };
-            for &[e, t] in &crossings {
-                let ends = self.surfaces.edges[e as usize].points;
-                match self.way_back(e, t, gap, &p, &normals) {
-                    Some((f, way)) => push(&ends, &self.surfaces.edges[f as usize].points, way),
-                    // Through a triangle alone: it leaves by the front, bit by bit.
-                    None => {
-                        let corners = self.surfaces.triangles[t as usize];
-                        let [a, b, c] = corners.map(|c| p[c as usize]);
-                        push(&ends, &corners, (b - a).cross(&(c - a)).normalize() * gap);
-                    }
-                }
-            }
-            for (node, way) in wish {
-                for c in 0..3 {
-                    now[3 * node as usize + c] += way[c];
-                }
-            }
-        }
-        Ok(now.iter().zip(x).map(|(a, b)| a - b).collect())
-    }
-
-    /// Of the edges of triangle `t`, through which edge `e` passes, the one that it has crossed least, and the way \[m\] of `e` against it
-    /// to `gap` on the other side.
-    fn way_back(
-        &self,
-        e: u32,
-        t: u32,
-        gap: f64,
-        p: &[Vector3<f64>],
-        normals: &[Normals],
-    ) -> Option<(u32, Vector3<f64>)> {
-        let crossed = self.surfaces.triangle_edges[t as usize].iter().filter_map(|&f| {
-            let closest = edge_edge(&self.edge_points(e, f, p));
-            let depth = closest.squared().sqrt();
-            (depth > 0.0 && self.have_crossed(e, f, &closest, normals))
-                .then(|| (f, depth, closest.w * (-(depth + gap) / depth)))
-        });
-        crossed.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(f, _, way)| (f, way))
-    }
-
     /// (node, surface) of points closer than `gap` \[m\] to a surface, with the nodes at `x`, where one of their nodes or of those of the
     /// nearest triangle is `wanted`.
     pub fn close_pairs(&self, x: &[f64], gap: f64, wanted: &dyn Fn(u32) -> bool) -> Vec<(u32, usize)> {
@@ -188,7 +93,7 @@ impl Contact {
     }
 
     /// The nodes of a point or edge with the surface of a triangle, and those of the triangle with the surface of the point.
-    fn nodes_of_pair(&self, points: &[u32], triangle: u32) -> Vec<(u32, usize)> {
+    pub(super) fn nodes_of_pair(&self, points: &[u32], triangle: u32) -> Vec<(u32, usize)> {
         let all = &self.surfaces;
         let corners = all.triangles[triangle as usize];
         let (mine, theirs) = (all.surface(points[0]), all.surface(corners[0]));
@@ -216,8 +121,3 @@ fn crosses(a: &Vector3<f64>, b: &Vector3<f64>, [p, q, r]: &[Vector3<f64>; 3]) ->
     let sides = [volume(a, b, p, q), volume(a, b, q, r), volume(a, b, r, p)];
     sides.iter().all(|v| *v > 0.0) || sides.iter().all(|v| *v < 0.0)
 }
-
-/// Points too close, down to which parting takes no notice of edges that cross.
-const FEW: usize = 10;
-/// Rounds of parting the surfaces.
-const MAX_ROUNDS: usize = 60;

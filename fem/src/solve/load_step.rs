@@ -101,23 +101,28 @@ impl Run<'_> {
     /// Takes `x` to equilibrium at the load `load` with softened contact, less and less so, and parts what overlaps then; returns
     /// whether that led to a place where nothing overlaps. It is not tried again in this load step.
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
+        self.may_approach = false;
+        FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor))
+            && potential.part(x)
+            && is_sound(potential, x, 0.0)
+    }
+
+    /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`; returns whether it got there.
+    fn relax(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64, floor: f64) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
         self.tolerance = tolerance.max(ON_THE_WAY);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
-        self.may_approach = false;
-        let way = FLOORS.iter().all(|&floor| {
-            self.linear.forget();
-            potential.soften(floor) && self.newton(potential, x, load).is_ok()
-        });
+        self.linear.forget();
+        let there = potential.soften(floor) && self.newton(potential, x, load).is_ok();
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
         potential.soften(0.0);
         self.linear.forget();
-        way && potential.part(x) && is_sound(potential, x, 0.0)
+        there
     }
 
     /// Moves the load to `target` and lets the potential carry the free nodes along through whatever they touch, to equilibrium with
-    /// softened contact; returns whether that ended at a place where nothing overlaps, and otherwise leaves `x` and the load `t`. Where
-    /// nothing touches on the way there is nothing to gain by it.
+    /// softened contact, also on the way where cells would fold; returns whether that ended at a place where nothing overlaps, and
+    /// otherwise leaves `x` and the load `t`. Where nothing touches or folds on the way there is nothing to gain by it.
     fn carry_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], t: f64, target: f64) -> bool {
         let n = potential.n_pieces(target);
         if n == 0 || !potential.soften(FLOORS[0]) {
@@ -125,18 +130,32 @@ impl Run<'_> {
         }
         potential.soften(0.0);
         let start = x.to_vec();
-        let (det_before, _) = potential.least_det_f(x);
-        let mut touches = false;
-        for piece in 1..=n {
-            let places = potential.touching(x);
-            let load = t + piece as f64 / n as f64 * (target - t);
-            potential.carry(if piece == n { target } else { load }, x);
-            touches = touches || potential.free_share(&places, x) < 1.0;
-        }
-        let done = touches
-            && potential.least_det_f(x).0 >= CARRIED_DET_F_SHARE * det_before
-            && self.equilibrate_softly(potential, x, target);
-        tracing::debug!(island = %self.name, step = self.step, from = t, target, touches, done, "carried along softly");
+        let load =
+            |piece: usize| if piece == n { target } else { t + piece as f64 / n as f64 * (target - t) };
+        let (mut piece, mut folds, mut touches) = (0, false, false);
+        let done = loop {
+            let from = piece;
+            let (det_before, _) = potential.least_det_f(x);
+            while piece < n {
+                let (places, before) = (potential.touching(x), x.to_vec());
+                potential.carry(load(piece + 1), x);
+                if !(potential.least_det_f(x).0 >= CARRIED_DET_F_SHARE * det_before) {
+                    x.copy_from_slice(&before);
+                    potential.set_load(load(piece), x);
+                    folds = true;
+                    break;
+                }
+                touches = touches || potential.free_share(&places, x) < 1.0;
+                piece += 1;
+            }
+            if piece == n {
+                break (touches || folds) && self.equilibrate_softly(potential, x, target);
+            }
+            if piece == from || !self.relax(potential, x, load(piece), FLOORS[0]) {
+                break false;
+            }
+        };
+        tracing::debug!(island = %self.name, step = self.step, from = t, target, touches, folds, done, "carried along softly");
         if !done {
             x.copy_from_slice(&start);
             potential.set_load(t, x);
