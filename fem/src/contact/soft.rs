@@ -2,7 +2,7 @@
 //!
 //! Barriers and collision detection let surfaces that slide past each other move by a share of the gap between them per iteration:
 //! a hundredth of the way that a change of posture asks for. Here the barrier of a sample goes on as its parabola below a share of
-//! the activation distance, through zero into penetrations, so that Newton's method may step as far as an edge is long. Where
+//! the activation distance, through zero into penetrations, so that Newton's method may step half as far as the thickest body is thick. Where
 //! every gap ends above that share the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
 //! more: it counts only where nothing overlaps in it, and the guarded mode goes on from there.
 //!
@@ -16,10 +16,8 @@ use super::stencil::{Law, Stencil};
 use super::{Contact, Mode};
 use nalgebra::Vector3;
 
-/// Edge lengths that a node may move in one step.
-const LONGEST: f64 = 1.0;
-/// Share of the thickness of the thickest body up to which points are looked for inside.
-const DEEPEST: f64 = 0.5;
+/// Share of the thickness of the thickest body that a node may move in one step, and up to which points are looked for inside.
+const LONGEST: f64 = 0.5;
 /// Gap that is left where surfaces are parted in the end, as a share of the activation distance.
 const PARTED: f64 = 0.1;
 
@@ -29,15 +27,16 @@ impl Contact {
         self.mode == Mode::Guarded && self.surfaces.list.iter().all(|s| s.thickness > 0.0)
     }
 
-    /// How deep points may be inside the thickest body \[m\].
-    fn deepest(&self) -> f64 {
-        DEEPEST * self.surfaces.list.iter().map(|s| s.thickness).fold(0.0, f64::max)
+    /// How far a node may move in one step, an edge at least \[m\].
+    fn longest(&self) -> f64 {
+        let thickest = self.surfaces.list.iter().map(|s| s.thickness).fold(0.0, f64::max);
+        self.surfaces.edge_length.max(LONGEST * thickest)
     }
 
     /// Points within a step of a surface, or inside it, with the collision points at `p`.
     pub(super) fn soft_near(&self, p: &[Vector3<f64>]) -> Vec<Near> {
-        let longest = LONGEST * self.surfaces.edge_length;
-        self.near_within(p, longest, longest.max(self.deepest()), 0.0)
+        let longest = self.longest();
+        self.near_within(p, longest, longest, 0.0)
     }
 
     /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
@@ -77,8 +76,7 @@ impl Contact {
         let start = self.terms(from, floor);
         let u: Vec<Vector3<f64>> =
             all.positions(to).iter().zip(&start.p).map(|(to, from)| to - from).collect();
-        let longest = LONGEST * all.edge_length;
-        let mut share = (longest / largest(u.iter().copied())).min(1.0);
+        let mut share = (self.longest() / largest(u.iter().copied())).min(1.0);
         for n in &start.near {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
