@@ -61,7 +61,7 @@ pub struct Configuration {
     pub run: Run,
     /// Forces at the steps that were solved.
     pub steps: Vec<StepForces>,
-    /// Pairs of surfaces that intersect at a step, by the exact test; with guarded contact there are none.
+    /// Pairs of surfaces, bones included, that intersect at a step, by the exact test; with guarded contact there are none.
     pub intersections: Vec<String>,
     /// Volume that muscles share with each other at each solved step \[m³\].
     pub overlaps: Vec<f64>,
@@ -174,20 +174,16 @@ pub fn configuration(
         let skins = skins(plan, thigh, frame);
         let pairs: Vec<(usize, usize)> =
             (0..skins.len()).flat_map(|a| (a + 1..skins.len()).map(move |b| (a, b))).collect();
-        let met: Vec<(usize, f64)> = pairs
+        let shared: Vec<f64> = pairs
             .par_iter()
-            .map(|&(a, b)| match skins[a].intersections(&skins[b]).len() {
-                0 => (0, 0.0),
-                n => (
-                    n,
-                    fem::geometry::overlap::overlap(&skins[a], &skins[b], OVERLAP_SPACING)
-                        .map_or(f64::NAN, |o| o.volume),
-                ),
+            .filter(|&&(a, b)| !skins[a].intersections(&skins[b]).is_empty())
+            .map(|&(a, b)| {
+                let overlap = fem::geometry::overlap::overlap(&skins[a], &skins[b], OVERLAP_SPACING);
+                overlap.map_or(f64::NAN, |o| o.volume)
             })
             .collect();
-        overlaps.push(met.iter().map(|m| m.1).sum());
-        for (&(a, b), (n, _)) in pairs.iter().zip(&met).filter(|(_, m)| m.0 > 0) {
-            let [a, b] = [a, b].map(|i| &thigh.muscles[i].name);
+        overlaps.push(shared.iter().sum());
+        for ([a, b], n) in fem::measure::intersections(plan, frame.snapshot()) {
             intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
         }
     }

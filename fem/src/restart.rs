@@ -19,7 +19,7 @@ struct State {
     frame: usize,
     /// Positions of all nodes \[m\].
     x: Vec<u64>,
-    islands: Vec<([u64; 12], Vec<u64>, Vec<u64>)>,
+    islands: Vec<([u64; 14], Vec<u64>, Vec<u64>)>,
     iterations: Vec<(String, [u64; 12])>,
 }
 
@@ -92,25 +92,24 @@ pub(crate) fn load(
     })
 }
 
-fn pack_advance(a: &Advance) -> ([u64; 12], Vec<u64>, Vec<u64>) {
+fn pack_advance(a: &Advance) -> ([u64; 14], Vec<u64>, Vec<u64>) {
     let counts =
         [a.load_steps, a.retries, a.iterations, a.linear_iterations, a.factorizations].map(|n| n as u64);
     let [c0, c1, c2, c3, c4] = counts;
-    let values =
-        [a.residual, a.force_scale, a.energy, a.least_det_f, a.assembly_s, a.factorization_s, a.linear_s];
-    let [v0, v1, v2, v3, v4, v5, v6] = values.map(f64::to_bits);
+    let state = [a.residual, a.force_scale, a.energy, a.least_det_f];
+    let times = [a.assembly_s, a.factorization_s, a.linear_s, a.contact_s, a.total_s];
+    let ([v0, v1, v2, v3], [t0, t1, t2, t3, t4]) = (state.map(f64::to_bits), times.map(f64::to_bits));
     let bits = |list: &[f64]| list.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
-    let mut indefinite = bits(&a.indefinite_at);
-    indefinite.push(a.total_s.to_bits());
-    ([c0, c1, c2, c3, c4, v0, v1, v2, v3, v4, v5, v6], indefinite, bits(&a.unstable_at))
+    let numbers = [c0, c1, c2, c3, c4, v0, v1, v2, v3, t0, t1, t2, t3, t4];
+    (numbers, bits(&a.indefinite_at), bits(&a.unstable_at))
 }
 
-fn unpack_advance(packed: &([u64; 12], Vec<u64>, Vec<u64>)) -> Advance {
+fn unpack_advance(packed: &([u64; 14], Vec<u64>, Vec<u64>)) -> Advance {
     let ([c0, c1, c2, c3, c4, values @ ..], indefinite, unstable) = packed;
-    let [residual, force_scale, energy, least_det_f, assembly_s, factorization_s, linear_s] =
-        values.map(f64::from_bits);
+    let values = values.map(f64::from_bits);
+    let [residual, force_scale, energy, least_det_f, times @ ..] = values;
+    let [assembly_s, factorization_s, linear_s, contact_s, total_s] = times;
     let list = |bits: &[u64]| bits.iter().map(|b| f64::from_bits(*b)).collect::<Vec<f64>>();
-    let (total, indefinite) = indefinite.split_last().map_or((0, &[][..]), |(t, rest)| (*t, rest));
     Advance {
         load_steps: *c0 as usize,
         retries: *c1 as usize,
@@ -126,7 +125,8 @@ fn unpack_advance(packed: &([u64; 12], Vec<u64>, Vec<u64>)) -> Advance {
         assembly_s,
         factorization_s,
         linear_s,
-        total_s: f64::from_bits(total),
+        contact_s,
+        total_s,
     }
 }
 
@@ -179,6 +179,7 @@ mod tests {
             assembly_s: 7.0,
             factorization_s: 8.0,
             linear_s: 9.0,
+            contact_s: 9.5,
             total_s: 10.0,
         };
         assert_eq!(unpack_advance(&pack_advance(&advance)), advance);

@@ -2,13 +2,13 @@
 
 use fem::body::Pose;
 use fem::measure::{contact_tractions, nodal_forces, pair_forces, support_wrench};
-use fem::mesh::{Mesh, generate};
+use fem::mesh::{CellBlock, CellKind, Mesh, generate};
 use fem::plan::Plan;
 use fem::run::{Drive, run};
 use fem::scene::*;
 use fem::solve::Settings;
 use support::contact_scenes::*;
-use support::fem_scenes::{held, plan};
+use support::fem_scenes::{held, mooney_rivlin, plan};
 use support::{Random, taylor_order};
 
 const B06: [[usize; 3]; 2] = [[4, 4, 2], [5, 5, 3]];
@@ -457,7 +457,7 @@ fn uniform_pressure_passes_unequal_meshes() {
 #[test]
 fn a_tip_finer_than_its_overlap_is_mended() {
     let spec = ContactSpec { repair: 2e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
-    let (mut scene, mut mesh) = two_blocks([[4, 4, 2], [6, 6, 8]], 0.0, spec);
+    let (scene, mut mesh) = two_blocks([[4, 4, 2], [6, 6, 8]], 0.0, spec);
     let first = mesh.points.len() - 7 * 7 * 9;
     for p in &mut mesh.points[first..] {
         // A pyramid of 0.3 mm faces at its tip, tilted, 1.2 mm into the lower block near a corner of its.
@@ -466,9 +466,60 @@ fn a_tip_finer_than_its_overlap_is_mended() {
         let (x, y) = (width * (p[0] - 10e-3), width * (p[1] - 10e-3));
         *p = [19e-3 + x + 2e-3 * height, 19e-3 + y + 1e-3 * height, p[2] - 1.2e-3 + 0.3 * x];
     }
-    scene.prescribed.push(held("lower_block", [true; 3]));
     let plan = plan(&scene, &mesh);
     println!("{:?}", plan.repair);
     assert!(plan.repair.overlaps[0].depth > 0.5e-3, "there was an overlap");
     assert!(plan.repair.farthest < 2e-3 && plan.repair.n_ignored == 0);
+}
+
+/// A stiff ring that closes around a block takes it along through what would touch at once: one load step, where collision detection
+/// alone would need many.
+#[test]
+fn a_closing_ring_squeezes_a_block_in_one_step() {
+    let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
+    add(
+        &mut scene,
+        &mut mesh,
+        "soft",
+        generate::block([5, 5, 4], [0.02, 0.02, 0.01]),
+        [0.0; 3],
+        mooney_rivlin(),
+    );
+    scene.prescribed.push(held("soft_z_min", [true; 3]));
+    let first = mesh.points.len() as u32;
+    let mut displacement = Vec::new();
+    for [x, y] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]] {
+        // Inner and outer, below and above; half of the height of the block, so that it can give way.
+        for [half, z] in [[10.5e-3, 6e-3], [12e-3, 6e-3], [12e-3, 9e-3], [10.5e-3, 9e-3]] {
+            mesh.points.push([10e-3 + half * x, 10e-3 + half * y, z]);
+            displacement.push([-2e-3 * x, -2e-3 * y, 0.0]);
+        }
+    }
+    let mut faces = Vec::new();
+    for k in 0..4 {
+        let (here, next) = (first + 4 * k, first + 4 * ((k + 1) % 4));
+        faces.extend((0..4).map(|s| [here + s, next + s, next + (s + 1) % 4, here + (s + 1) % 4]));
+    }
+    let nodes = faces.iter().flatten().copied().collect();
+    mesh.blocks.push(CellBlock { name: "ring/faces".into(), kind: CellKind::Quad4, nodes });
+    mesh.surfaces.insert("ring".into(), faces);
+    mesh.node_sets.insert("ring".into(), (first..first + 16).collect());
+    scene.prescribed.push(PrescribedSpec {
+        nodes: "ring".into(),
+        components: [true; 3],
+        displacement,
+        control: Some("close".into()),
+    });
+    scene.contact = Some(ContactSpec { distance: 2e-4, ..ContactSpec::new(&["soft_block", "ring"]) });
+    let plan = plan(&scene, &mesh);
+    let out = guarded(&plan, &ramp(&plan, &[("close", 1.0)], &[], 1), &Settings::default()).expect("solved");
+    let frame = out.last().expect("one frame");
+    let island = &frame.islands[0];
+    println!(
+        "{} load steps, {} iterations, det F {:.2}",
+        island.load_steps, island.iterations, island.least_det_f
+    );
+    let area: f64 = pair_forces(&plan, frame.snapshot(), [0.0; 3]).iter().map(|p| p.area).sum();
+    assert!(area > 2e-4, "it is squeezed: {area} m2");
+    assert_eq!(island.load_steps, 1);
 }

@@ -3,8 +3,9 @@
 use super::Contact;
 use super::stencil::Law;
 use crate::body::Wrench;
-use crate::geometry;
+use crate::geometry::{self, SearchSurface};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Contact of two surfaces.
@@ -98,5 +99,24 @@ impl Contact {
         let triangles = self.surfaces.triangles[s.triangles.clone()].iter().map(|t| t.map(|p| p - first));
         let points = self.surfaces.points[s.samples.clone()].iter().map(|p| p.at(x).into());
         geometry::Surface { points: points.collect(), triangles: triangles.collect() }
+    }
+
+    /// Pairs of surfaces with the number of pairs of their triangles that intersect with the nodes at `x`, where they take notice of each
+    /// other: exact, and by other means than those that keep them apart.
+    pub fn intersections(&self, x: &[f64]) -> Vec<([usize; 2], usize)> {
+        let all = &self.surfaces;
+        let search: Vec<SearchSurface> =
+            (0..all.list.len()).into_par_iter().map(|s| SearchSurface::new(self.triangles(s, x))).collect();
+        let pairs = (0..all.list.len())
+            .flat_map(|a| self.partners.of[a].iter().filter(move |&&b| a <= b).map(move |&b| [a, b]));
+        let pairs: Vec<[usize; 2]> = pairs.collect();
+        let count = |&[a, b]: &[usize; 2]| {
+            let met =
+                if a == b { search[a].self_intersections() } else { search[a].intersections(&search[b]) };
+            let corners = |s: usize, t: u32| &all.triangles[all.list[s].triangles.start + t as usize];
+            let counts = |&&(t, u): &&(u32, u32)| self.partners.counts(all, corners(a, t), corners(b, u));
+            ([a, b], met.iter().filter(counts).count())
+        };
+        pairs.par_iter().map(count).filter(|(_, n)| *n > 0).collect()
     }
 }

@@ -65,6 +65,19 @@ pub fn collision_surfaces(plan: &Plan, at: Snapshot) -> Vec<(String, crate::geom
     all.into_iter().collect()
 }
 
+/// Surfaces that intersect where they take notice of each other: both names and the number of pairs of triangles. Exact, and by other
+/// means than those by which contact keeps them apart.
+pub fn intersections(plan: &Plan, at: Snapshot) -> Vec<([String; 2], usize)> {
+    let mut found = Vec::new();
+    for island in &plan.islands {
+        let Some(contact) = &island.contact else { continue };
+        let name = |s: usize| contact.surfaces.list[s].name.clone();
+        let met = contact.intersections(&at.gather(&island.nodes));
+        found.extend(met.into_iter().map(|(pair, n)| (pair.map(name), n)));
+    }
+    found
+}
+
 /// ∂Π/∂x \[N\] of all nodes of the mesh, 3 per node: zero at free nodes in equilibrium, the force of the support where
 /// a component is prescribed.
 pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {

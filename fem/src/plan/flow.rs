@@ -1,18 +1,21 @@
-//! Where the free nodes of an island go when its bodies move: a first guess for the equilibrium, finite rotations included.
+//! Where the free nodes of an island go when its bodies and obstacles move: a first guess for the equilibrium, finite rotations included.
 //!
-//! The bodies drag space along: every point moves with the mean of their motions, weighted with the inverse square of its distance
-//! to each (Shepard, Proc. 23rd ACM National Conference, 1968). Neighbours move alike, whatever they belong to, so gaps between
+//! They drag space along: every point moves with the mean of their motions, weighted with the inverse square of its distance
+//! to each (of obstacles, which may change their shape, to the nearest node; Shepard, Proc. 23rd ACM National Conference, 1968). Neighbours move alike, whatever they belong to, so gaps between
 //! muscles stay open where a tangent to the equilibrium path would send one into the other.
 
 #![allow(non_snake_case)]
 
 use super::island::{Island, Load, Motion};
 use crate::contact::tree::{Aabb, Tree};
+use crate::effect::NO_NODE;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 /// Turn of a body \[rad\] that is followed at once.
 const TURN: f64 = 0.05;
+/// Pieces in which the way of obstacles is followed.
+const OBSTACLE_PIECES: usize = 16;
 /// Pieces at most into which a load step is divided.
 const MOST_PIECES: usize = 64;
 
@@ -20,17 +23,26 @@ const MOST_PIECES: usize = 64;
 pub struct Flow {
     /// What the nodes of each body have as motion: a body, or held.
     bodies: Vec<Motion>,
-    /// Per free node one weight per body, summing to 1.
+    /// Nodes that controls displace and nothing else acts on: displacement \[m\] at unit value of a control, per component.
+    obstacles: Vec<[(usize, f64); 3]>,
+    /// Per free node the nearest obstacle; empty where there are none.
+    nearest: Vec<u32>,
+    /// Per free node one weight per body and one of its nearest obstacle, summing to 1.
     weights: Vec<f64>,
 }
 
 impl Flow {
-    /// `None` where some nodes are prescribed in other ways than by bodies, or no node is.
+    /// `None` where some nodes are prescribed in other ways than by bodies or as obstacles, or nothing is that can move.
     pub fn new(island: &Island, free_nodes: &[u32]) -> Option<Flow> {
         let mut bodies: Vec<Motion> = Vec::new();
         let mut tied: Vec<Vec<Vector3<f64>>> = Vec::new();
+        let (mut obstacles, mut places) = (Vec::new(), Vec::new());
+        let mut acted_on = vec![false; island.motion.len()];
+        let all = island.effects.iter().flat_map(|e| e.nodes());
+        all.filter(|n| **n != NO_NODE).for_each(|&n| acted_on[n as usize] = true);
         let place = |n: usize| Vector3::from_column_slice(&island.X[3 * n..3 * n + 3]);
         for (n, motion) in island.motion.iter().enumerate() {
+            let by_control = |m: &Motion| matches!(m, Motion::Control(..));
             match motion {
                 [Motion::Free, Motion::Free, Motion::Free] => {}
                 &[m @ (Motion::Held | Motion::Body(_)), b, c] if b == m && c == m => {
@@ -41,11 +53,25 @@ impl Flow {
                     });
                     tied[at].push(place(n));
                 }
+                m if !acted_on[n]
+                    && m.iter().any(by_control)
+                    && m.iter().all(|m| by_control(m) || *m == Motion::Held) =>
+                {
+                    obstacles.push(m.map(|m| match m {
+                        Motion::Control(control, u) => (control, u),
+                        _ => (0, 0.0),
+                    }));
+                    places.push(place(n));
+                }
                 _ => return None,
             }
         }
-        if !bodies.iter().any(|m| matches!(m, Motion::Body(_))) {
+        if obstacles.is_empty() && !bodies.iter().any(|m| matches!(m, Motion::Body(_))) {
             return None;
+        }
+        let with_obstacles = !obstacles.is_empty();
+        if with_obstacles {
+            tied.push(places);
         }
         let searches: Vec<_> = tied
             .iter()
@@ -57,26 +83,28 @@ impl Flow {
                 (points, tree, fitted)
             })
             .collect();
-        let of_node = |&n: &u32| -> Vec<f64> {
+        let of_node = |&n: &u32| -> (Vec<f64>, u32) {
             let p = place(n as usize);
-            let squared: Vec<f64> = searches
+            let nearest: Vec<(u32, f64)> = searches
                 .iter()
                 .map(|(points, tree, fitted)| {
                     let squared = |i: u32| (points[i as usize] - p).norm_squared();
-                    tree.nearest(fitted, &p, f64::MAX.sqrt(), None, squared).map_or(f64::MAX, |(_, d)| d)
+                    tree.nearest(fitted, &p, f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
                 })
                 .collect();
-            let least = squared.iter().fold(f64::MAX, |m, d| m.min(*d));
-            let inverse = squared.iter().map(|d| if least > 0.0 { least / d } else { f64::from(*d == 0.0) });
+            let least = nearest.iter().fold(f64::MAX, |m, n| m.min(n.1));
+            let inverse =
+                nearest.iter().map(|(_, d)| if least > 0.0 { least / d } else { f64::from(*d == 0.0) });
             let inverse: Vec<f64> = inverse.collect();
             let sum: f64 = inverse.iter().sum();
-            inverse.iter().map(|w| w / sum).collect()
+            (inverse.iter().map(|w| w / sum).collect(), nearest.last().map_or(0, |n| n.0))
         };
-        let weights: Vec<Vec<f64>> = free_nodes.par_iter().map(of_node).collect();
-        Some(Flow { bodies, weights: weights.concat() })
+        let (weights, nearest): (Vec<Vec<f64>>, Vec<u32>) = free_nodes.par_iter().map(of_node).unzip();
+        let nearest = if with_obstacles { nearest } else { Vec::new() };
+        Some(Flow { bodies, obstacles, nearest, weights: weights.concat() })
     }
 
-    /// Pieces in which to go from one load to another; 0 where no body moves.
+    /// Pieces in which to go from one load to another; 0 where nothing moves.
     pub fn n_pieces(&self, from: &Load, to: &Load) -> usize {
         let moving = self.bodies.iter().filter_map(|m| match m {
             Motion::Body(b) if from.poses[*b] != to.poses[*b] => {
@@ -85,7 +113,9 @@ impl Flow {
             _ => None,
         });
         let turns = moving.map(|angle| ((angle / TURN).ceil() as usize).clamp(1, MOST_PIECES));
-        turns.max().unwrap_or(0)
+        let moves = |&(control, u): &(usize, f64)| u != 0.0 && from.controls[control] != to.controls[control];
+        let pushes = self.obstacles.iter().flatten().any(moves);
+        turns.max().unwrap_or(0).max(if pushes { OBSTACLE_PIECES } else { 0 })
     }
 
     /// Moves the free nodes at `x` \[m\] from one load to another.
@@ -98,9 +128,19 @@ impl Flow {
                 _ => nalgebra::Isometry3::identity(),
             })
             .collect();
-        for (x, weights) in x.chunks_exact_mut(3).zip(self.weights.chunks_exact(self.bodies.len())) {
+        let n_weights = self.bodies.len() + usize::from(!self.obstacles.is_empty());
+        let shift = |(control, u): (usize, f64)| match u {
+            0.0 => 0.0,
+            u => u * (to.controls[control] - from.controls[control]),
+        };
+        for (i, (x, weights)) in x.chunks_exact_mut(3).zip(self.weights.chunks_exact(n_weights)).enumerate() {
             let p = Point3::from_slice(x);
-            let mean: Vector3<f64> = steps.iter().zip(weights).map(|(step, w)| (step * p).coords * *w).sum();
+            let mut mean: Vector3<f64> =
+                steps.iter().zip(weights).map(|(step, w)| (step * p).coords * *w).sum();
+            if let Some(&nearest) = self.nearest.get(i) {
+                let shift = Vector3::from(self.obstacles[nearest as usize].map(shift));
+                mean += (p.coords + shift) * weights[self.bodies.len()];
+            }
             x.copy_from_slice(mean.as_slice());
         }
     }

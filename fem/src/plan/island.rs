@@ -9,7 +9,9 @@ use crate::contact::Contact;
 use crate::effect::{Effect, NO_NODE, Part, State};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Instant;
 
 /// What one component of a node does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -340,6 +342,8 @@ pub struct LoadedIsland {
     x: Vec<f64>,
     /// Share of the activation distance below which contact is softened; 0: nowhere.
     floor: f64,
+    /// Time spent in contact \[ns\].
+    in_contact: AtomicU64,
 }
 
 impl LoadedIsland {
@@ -347,7 +351,21 @@ impl LoadedIsland {
     pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
         let mut x = island.X.clone();
         island.prescribe(&start, &mut x);
-        LoadedIsland { island, load: start.clone(), start, end, x, floor: 0.0 }
+        LoadedIsland { island, load: start.clone(), start, end, x, floor: 0.0, in_contact: AtomicU64::new(0) }
+    }
+
+    /// What `of` says of the contact of the island, where it has one; its time counts as that of contact.
+    fn contact<T>(&self, of: impl FnOnce(&Contact) -> T) -> Option<T> {
+        let contact = self.island.contact.as_ref()?;
+        let start = Instant::now();
+        let answer = of(contact);
+        self.in_contact.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        Some(answer)
+    }
+
+    /// ∂Π/∂x of contact \[N\] over all local nodes.
+    fn contact_gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
+        self.contact(|_| self.island.soft_contact_gradient(x, self.floor)).flatten()
     }
 
     /// Positions \[m\] of all local nodes.
@@ -378,10 +396,7 @@ impl Potential for LoadedIsland {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         let energy: f64 = self.island.effects.iter().map(|e| e.energy(&s)).sum();
-        match &self.island.contact {
-            Some(contact) => energy + contact.energy(&x, self.floor),
-            None => energy,
-        }
+        energy + self.contact(|contact| contact.energy(&x, self.floor)).unwrap_or(0.0)
     }
 
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
@@ -411,7 +426,7 @@ impl Potential for LoadedIsland {
                 }
             }
         }
-        if let Some(forces) = island.soft_contact_gradient(&x, self.floor) {
+        if let Some(forces) = self.contact_gradient(&x) {
             for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
                 if let Some((free, c)) = island.unknown((i / 3) as u32, i % 3) {
                     g[3 * free as usize + c] += force;
@@ -461,8 +476,8 @@ impl Potential for LoadedIsland {
                 }
             }
         }
-        if let Some(contact) = &island.contact {
-            k.couple(&island.onto_unknowns(contact.hessian(&x, self.floor, convexity)));
+        if let Some(blocks) = self.contact(|contact| contact.hessian(&x, self.floor, convexity)) {
+            k.couple(&island.onto_unknowns(blocks));
         }
     }
 
@@ -482,7 +497,7 @@ impl Potential for LoadedIsland {
             }
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
-        if let Some(g) = island.soft_contact_gradient(&x, self.floor) {
+        if let Some(g) = self.contact_gradient(&x) {
             scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
@@ -518,18 +533,26 @@ impl Potential for LoadedIsland {
     }
 
     fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
-        let Some(contact) = &self.island.contact else { return 1.0 };
-        let to = self.expand(x);
-        if self.floor > 0.0 { contact.soft_share(from, &to, self.floor) } else { contact.share(from, &to) }
+        let share = |contact: &Contact| {
+            let to = self.expand(x);
+            if self.floor > 0.0 {
+                contact.soft_share(from, &to, self.floor)
+            } else {
+                contact.share(from, &to)
+            }
+        };
+        self.contact(share).unwrap_or(1.0)
     }
 
     fn admit(&self, from: &[f64], x: &mut [f64]) -> bool {
-        let Some(contact) = &self.island.contact else { return false };
-        let Some(admitted) = contact.admit(from, &self.expand(x), &|n| self.island.is_free(n)) else {
-            return false;
-        };
+        let admit = |contact: &Contact| contact.admit(from, &self.expand(x), &|n| self.island.is_free(n));
+        let Some(admitted) = self.contact(admit).flatten() else { return false };
         self.island.take_free(&admitted, x);
         true
+    }
+
+    fn contact_seconds(&self) -> f64 {
+        1e-9 * self.in_contact.load(Ordering::Relaxed) as f64
     }
 
     fn node_name(&self, free_node: usize) -> String {
@@ -574,9 +597,9 @@ impl Loading for LoadedIsland {
     }
 
     fn n_pieces(&self, t: f64) -> usize {
-        match self.start.poses == self.end.poses {
-            true => 0,
-            false => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
+        match self.displaces(t) {
+            false => 0,
+            true => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
         }
     }
 
@@ -587,10 +610,15 @@ impl Loading for LoadedIsland {
     }
 
     fn part(&self, x: &mut [f64]) -> bool {
-        let Some(contact) = &self.island.contact else { return true };
-        let Some(parted) = contact.parted(&self.expand(x), &|n| self.island.is_free(n)) else { return false };
-        self.island.take_free(&parted, x);
-        true
+        let parted = self.contact(|contact| contact.parted(&self.expand(x), &|n| self.island.is_free(n)));
+        match parted {
+            None => true,
+            Some(None) => false,
+            Some(Some(parted)) => {
+                self.island.take_free(&parted, x);
+                true
+            }
+        }
     }
 
     fn carry(&mut self, t: f64, x: &mut [f64]) {

@@ -84,6 +84,11 @@ pub trait Potential: Send + Sync {
         false
     }
 
+    /// Seconds spent so far in what keeps surfaces apart.
+    fn contact_seconds(&self) -> f64 {
+        0.0
+    }
+
     /// Name of a free node for messages, e.g. ``node 12 of `rectus_femoris` ``.
     fn node_name(&self, free_node: usize) -> String {
         format!("free node {free_node}")

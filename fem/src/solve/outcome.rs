@@ -35,6 +35,8 @@ pub struct Advance {
     pub factorization_s: f64,
     /// Seconds in conjugate gradients.
     pub linear_s: f64,
+    /// Seconds in contact, most of it part of assembly: searching, barriers, collision detection.
+    pub contact_s: f64,
     /// Seconds in all.
     pub total_s: f64,
 }

@@ -149,6 +149,7 @@ impl Solver {
                 }
             }
         }
+        run.report.contact_s = potential.contact_seconds();
         run.report.total_s = start.elapsed().as_secs_f64();
         Ok(run.report)
     }

@@ -47,6 +47,7 @@ pub(super) fn section_of(report: &CompareReport) -> String {
                 fixed(sum(&|a| a.assembly_s), 2),
                 fixed(sum(&|a| a.factorization_s), 2),
                 fixed(sum(&|a| a.linear_s), 2),
+                fixed(sum(&|a| a.contact_s), 2),
             ]);
         }
     }
@@ -61,6 +62,7 @@ pub(super) fn section_of(report: &CompareReport) -> String {
         "Assembly, s",
         "Factors, s",
         "CG, s",
+        "Contact, s",
     ];
     content.push_str(&table(&header, 2, &rows));
     let unknowns: Vec<String> = report
