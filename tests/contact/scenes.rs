@@ -523,3 +523,20 @@ fn a_closing_ring_squeezes_a_block_in_one_step() {
     assert!(area > 2e-4, "it is squeezed: {area} m2");
     assert_eq!(island.load_steps, 1);
 }
+
+/// A stiff punch that starts out of reach, so that at first nothing feels it move, does not jump into the block.
+#[test]
+fn a_punch_out_of_reach_does_not_jump_into_a_block() {
+    let spec = ContactSpec { distance: 1e-4, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (mut scene, mut mesh) = two_blocks(B06, 1e-3, spec);
+    scene.prescribed.retain(|p| !p.nodes.starts_with("upper"));
+    let upper = mesh.points.len() as u32 - 6 * 6 * 4;
+    mesh.node_sets.insert("punch".into(), (upper..mesh.points.len() as u32).collect());
+    scene.prescribed.push(moved("punch", [true; 3], [0.0, 0.0, -1.0], "down"));
+    let plan = plan(&scene, &mesh);
+    let out = guarded(&plan, &ramp(&plan, &[("down", 2e-3)], &[], 1), &Settings::default()).expect("solved");
+    let force =
+        pair_forces(&plan, out.last().expect("one frame").snapshot(), [0.0; 3])[0].wrench.force[2].abs();
+    println!("{force} N");
+    assert!(force > 1.0, "the punch presses the block: {force} N");
+}

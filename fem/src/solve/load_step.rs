@@ -189,12 +189,13 @@ impl Run<'_> {
             moved.copy_from_slice(x);
             potential.set_load(t + share * (target - t), &mut moved);
             potential.gradient(&moved, &mut ahead);
-            if moved == x && ahead == g {
+            potential.set_load(t, x);
+            let places = potential.touching(x);
+            let displaces = potential.displaces(target);
+            if moved == x && ahead == g && (places.is_empty() || !displaces) {
                 potential.set_load(target, x); // nothing moves with the load: no step to predict
                 return Ok(target);
             }
-            potential.set_load(t, x);
-            let places = potential.touching(x);
             let rhs: Vec<f64> = (0..n).map(|i| -g[i] - (ahead[i] - g[i]) / share).collect();
             self.report.assembly_s += start.elapsed().as_secs_f64();
             if rhs.iter().any(|r| !r.is_finite()) {
@@ -207,7 +208,6 @@ impl Run<'_> {
                 }
             }
             let (det_before, _) = potential.least_det_f(x);
-            let displaces = potential.displaces(target);
             let mut length = 1.0;
             loop {
                 let load = if length == 1.0 { target } else { t + length * (target - t) };
