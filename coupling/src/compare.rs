@@ -182,7 +182,7 @@ pub fn configuration(
                 overlap.map_or(f64::NAN, |o| o.volume)
             })
             .collect();
-        overlaps.push(shared.iter().sum());
+        overlaps.push(shared.iter().fold(0.0, |sum, v| sum + v));
         for ([a, b], n) in fem::measure::intersections(plan, frame.snapshot()) {
             intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
         }

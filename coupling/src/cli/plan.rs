@@ -15,7 +15,7 @@ use crate::scene::{Fibres, Scene};
 use crate::study::Prepared;
 
 /// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured in the shipped scenes, muscles spread fivefold.
-const ITERATIONS: [f64; 2] = [30.0, 80.0];
+const ITERATIONS: [f64; 2] = [30.0, 35.0];
 /// Newton iterations of a muscle in its calibration, all solutions together; the Hessian is often indefinite there, and counts twice.
 const CALIBRATION: f64 = 100.0;
 /// Floating-point operations of a factorization per second and core, as measured.

@@ -18,7 +18,7 @@ use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Columns eliminated at once, and width of the tiles that run in parallel.
 const TILE: usize = 192;
@@ -189,22 +189,70 @@ impl Analysis {
     }
 }
 
-/// The factor of one matrix; its memory is kept for the next.
+/// The factor of one matrix; its memory is kept for the next: fresh pages from the system cost an eighth of the time of a solution.
 #[derive(Debug)]
 pub struct Cholesky<T: Scalar> {
     analysis: Arc<Analysis>,
-    /// Of each front its columns, all rows, column-major.
-    panels: Vec<Vec<T>>,
+    /// Of each front its columns, all rows, column-major; one front after the other.
+    values: Vec<T>,
+    /// What fronts have passed on in, to be used again.
+    spare: Spare<T>,
 }
 
 /// Numbers passed from a front to its parent: the lower triangle of a square column-major matrix.
 type Passed<T> = Vec<T>;
 
+/// Memory that nobody uses now.
+#[derive(Debug)]
+struct Spare<T>(Mutex<Vec<Vec<T>>>);
+
+impl<T: Scalar> Spare<T> {
+    /// `n` zeros, in the smallest piece that holds them; where none does, a new piece takes the place of the largest.
+    fn zeros(&self, n: usize) -> Vec<T> {
+        let mut piece = {
+            let mut pieces = self.0.lock().expect("no thread panics while it looks for a piece");
+            let sizes = || pieces.iter().map(Vec::capacity).enumerate();
+            let fits = sizes().filter(|(_, size)| *size >= n).min_by_key(|(_, size)| *size);
+            match (fits, sizes().max_by_key(|(_, size)| *size)) {
+                (Some((i, _)), _) => pieces.swap_remove(i),
+                (None, Some((i, _))) => {
+                    drop(pieces.swap_remove(i));
+                    Vec::new()
+                }
+                (None, None) => Vec::new(),
+            }
+        };
+        piece.clear();
+        piece.resize(n, T::default());
+        piece
+    }
+
+    fn give_back(&self, piece: Vec<T>) {
+        self.0.lock().expect("no thread panics while it gives a piece back").push(piece);
+    }
+}
+
 impl<T: Scalar> Cholesky<T> {
     /// Nothing factorized yet.
     pub fn new(analysis: Arc<Analysis>) -> Cholesky<T> {
-        let panels = analysis.fronts.iter().map(|_| Vec::new()).collect();
-        Cholesky { analysis, panels }
+        Cholesky { analysis, values: Vec::new(), spare: Spare(Mutex::default()) }
+    }
+
+    /// For matrices of another pattern from now on, with the same memory; nothing factorized yet.
+    pub fn renew(&mut self, analysis: Arc<Analysis>) {
+        self.analysis = analysis;
+    }
+
+    /// The columns of each front.
+    fn panels(&self) -> Vec<&[T]> {
+        let mut rest = &self.values[..];
+        let mut next = |front: &Front| {
+            let (own, all) = front.sizes();
+            let (panel, later) = rest.split_at(own * all);
+            rest = later;
+            panel
+        };
+        self.analysis.fronts.iter().map(&mut next).collect()
     }
 
     /// The analysis it was made from.
@@ -214,10 +262,23 @@ impl<T: Scalar> Cholesky<T> {
 
     /// Factorizes `k`. After an error the factor must not be used.
     pub fn factorize(&mut self, k: &BlockMatrix) -> Result<(), Indefinite> {
-        let Cholesky { analysis, panels } = self;
+        let Cholesky { analysis, values, spare } = self;
         assert!(k.pattern().n_blocks() == analysis.pattern.n_blocks(), "the matrix has the analysed pattern");
-        let root = analysis.fronts.len() - 1;
-        factorize_subtree(analysis, k, root, panels).map(|_| ())
+        let n = analysis.n_values();
+        if values.capacity() < n {
+            *values = Vec::new(); // given back before more is taken
+            values.reserve_exact(n);
+        }
+        values.resize(n, T::default());
+        let mut rest = &mut values[..];
+        let mut panels = Vec::with_capacity(analysis.fronts.len());
+        for front in &analysis.fronts {
+            let (own, all) = front.sizes();
+            let (panel, later) = rest.split_at_mut(own * all);
+            panels.push(panel);
+            rest = later;
+        }
+        factorize_subtree(analysis, k, panels.len() - 1, &mut panels, spare).map(|_| ())
     }
 
     /// Replaces `b` by the solution of L Lᵀ x = b.
@@ -229,9 +290,9 @@ impl<T: Scalar> Cholesky<T> {
                 *x = T::from_f64(b[3 * node as usize + i]);
             }
         }
-        let root = analysis.fronts.len() - 1;
-        forward(analysis, &self.panels, root, &mut x);
-        backward(analysis, &self.panels, root, &[], &mut x);
+        let (panels, root) = (self.panels(), analysis.fronts.len() - 1);
+        forward(analysis, &panels, root, &mut x);
+        backward(analysis, &panels, root, &[], &mut x);
         for (x, &node) in x.chunks_exact(3).zip(&analysis.order) {
             for (i, x) in x.iter().enumerate() {
                 b[3 * node as usize + i] = x.to_f64();
@@ -243,7 +304,7 @@ impl<T: Scalar> Cholesky<T> {
     /// matrix is singular.
     pub fn least_pivot(&self, k: &BlockMatrix) -> (f64, usize) {
         let mut least = (f64::INFINITY, 0);
-        for (front, panel) in self.analysis.fronts.iter().zip(&self.panels) {
+        for (front, panel) in self.analysis.fronts.iter().zip(self.panels()) {
             let (own, all) = front.sizes();
             for i in 0..own {
                 let unknown = 3 * self.analysis.order[front.first + i / 3] as usize + i % 3;
@@ -296,19 +357,19 @@ fn factorize_subtree<T: Scalar>(
     analysis: &Analysis,
     k: &BlockMatrix,
     f: usize,
-    panels: &mut [Vec<T>],
+    panels: &mut [&mut [T]],
+    spare: &Spare<T>,
 ) -> Result<Passed<T>, Indefinite> {
     let front = &analysis.fronts[f];
     let offset = front.subtree.0;
     let mut passed = Vec::with_capacity(front.children.len());
-    let run = |child: usize, panels: &mut [Vec<T>]| factorize_subtree(analysis, k, child, panels);
+    let run = |child: usize, panels: &mut [&mut [T]]| factorize_subtree(analysis, k, child, panels, spare);
     each_child(analysis, &front.children, panels, offset, &run, &mut passed);
 
     let (own, all) = front.sizes();
     let rest = all - own;
-    let panel = &mut panels[f - offset];
-    panel.clear();
-    panel.resize(own * all, T::default());
+    let panel = &mut *panels[f - offset];
+    panel.fill(T::default());
     for &(block, row, column) in &front.entries {
         let block = k.block(block as usize); // block (column, row) of the symmetric matrix
         for j in 0..3 {
@@ -317,9 +378,11 @@ fn factorize_subtree<T: Scalar>(
             }
         }
     }
-    let mut pass = vec![T::default(); rest * rest];
+    let mut pass = spare.zeros(rest * rest);
     for (&child, passed) in front.children.iter().zip(passed) {
-        extend_add(&analysis.fronts[child].in_parent, &passed?, panel, &mut pass, own, all);
+        let passed = passed?;
+        extend_add(&analysis.fronts[child].in_parent, &passed, panel, &mut pass, own, all);
+        spare.give_back(passed);
     }
     if own > 0 {
         let unknown = |i: usize| 3 * analysis.order[front.first + i / 3] as usize + i % 3;
@@ -435,7 +498,7 @@ fn subtract_square<T: Scalar>(A: MatMut<'_, T>, L: MatRef<'_, T>, divisible: boo
 }
 
 /// L x = b on a subtree, whose part of the right-hand side is `x`; returns what its rows owe to later places.
-fn forward<T: Scalar>(analysis: &Analysis, panels: &[Vec<T>], f: usize, x: &mut [T]) -> Vec<T> {
+fn forward<T: Scalar>(analysis: &Analysis, panels: &[&[T]], f: usize, x: &mut [T]) -> Vec<T> {
     let front = &analysis.fronts[f];
     let (own, all) = front.sizes();
     let mut owed = vec![T::default(); all];
@@ -462,7 +525,7 @@ fn forward<T: Scalar>(analysis: &Analysis, panels: &[Vec<T>], f: usize, x: &mut 
     for (x, owed) in mine.iter_mut().zip(&owed) {
         *x += *owed;
     }
-    let panel = MatRef::from_column_major_slice(&panels[f], all, own);
+    let panel = MatRef::from_column_major_slice(panels[f], all, own);
     let mut mine = MatMut::from_column_major_slice_mut(mine, own, 1);
     solve_lower_triangular_in_place(panel.get(..own, ..), mine.rb_mut(), Par::Seq);
     let mut owed = owed.split_off(own);
@@ -475,12 +538,12 @@ fn forward<T: Scalar>(analysis: &Analysis, panels: &[Vec<T>], f: usize, x: &mut 
 }
 
 /// Lᵀ x = b on a subtree; `above`: the solution at the rows of its root.
-fn backward<T: Scalar>(analysis: &Analysis, panels: &[Vec<T>], f: usize, above: &[T], x: &mut [T]) {
+fn backward<T: Scalar>(analysis: &Analysis, panels: &[&[T]], f: usize, above: &[T], x: &mut [T]) {
     let front = &analysis.fronts[f];
     let (own, all) = front.sizes();
     let (before, mine) = x.split_at_mut(3 * (front.first - front.subtree.1));
     if own > 0 {
-        let panel = MatRef::from_column_major_slice(&panels[f], all, own);
+        let panel = MatRef::from_column_major_slice(panels[f], all, own);
         let mut mine = MatMut::from_column_major_slice_mut(mine, own, 1);
         if !above.is_empty() {
             let above = MatRef::from_column_major_slice(above, above.len(), 1);

@@ -175,7 +175,8 @@ impl LinearSolver {
             let pattern = Arc::new(k.joint_pattern());
             self.analysis = Arc::new(Analysis::new(&pattern, &self.points));
             self.worth = worth(&self.analysis);
-            (self.single, self.double) = (None, None);
+            self.single.iter_mut().for_each(|factor| factor.renew(self.analysis.clone()));
+            self.double.iter_mut().for_each(|factor| factor.renew(self.analysis.clone()));
             pattern
         });
         self.joint = Some(pattern.clone());
