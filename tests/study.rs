@@ -370,3 +370,14 @@ fn the_contact_resultant_of_a_muscle_is_held_by_its_bones() {
         assert!((held + push).norm() < 1.0, "{}: held {held}, pushed {push}", muscle.name);
     }
 }
+
+/// Cheap contact penetrates: that is how it works and no reason to call a run not solved.
+#[test]
+fn what_cheap_contact_penetrates_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 18.0\n\
+                 [effects]\ncontact = \"cheap\"\n[[step]]\nname = \"heel_strike\"\n";
+    fs::write(folder.path().join("cheap.toml"), scene).unwrap();
+    let done = sartorius(&["compare", "cheap.toml", "--contact", "with"], folder.path());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+}
