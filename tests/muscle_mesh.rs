@@ -5,7 +5,7 @@ use std::path::Path;
 use coupling::registration::{MeshFrames, Registration};
 use coupling::steps::rigid_muscles_standing;
 use coupling::thigh;
-use coupling::thigh::build::reaches;
+use coupling::thigh::build::{ThighEffects, reaches};
 use coupling::thigh::inventory::inventory;
 use coupling::thigh::lines::physiological_sections;
 use fem::contact::surface::{SurfaceInput, Surfaces};
@@ -545,7 +545,7 @@ fn every_muscle_has_its_fibres_attachments_and_line() {
     let rigid = rigid_muscles_standing(&model, &registration);
     let areas = physiological_sections();
     let stock =
-        inventory(&blocks, &limb.attachments, &|m| areas.get(m).copied(), &reaches(&limb.bones), &rigid);
+        inventory(&blocks, &limb.attachments, &|m| areas.get(m).copied(), &reaches(&limb.bones, 0.0), &rigid);
     assert_eq!(stock.len(), 17);
     // Areas as measured on the surfaces, from the table.
     let text = include_str!("../gait-data/thigh/attachments.csv");
@@ -585,4 +585,48 @@ fn every_muscle_has_its_fibres_attachments_and_line() {
     }
     let off: Vec<_> = stock.iter().filter(|m| m.line.as_ref().unwrap().angle_deg > 15.0).collect();
     assert!(off.len() <= 4, "{:?}", off.iter().map(|m| &m.name).collect::<Vec<_>>());
+}
+
+/// A surface that moves inwards by a little sweeps its area times the way; one that moves far leaves a muscle that can be meshed.
+#[test]
+fn muscles_drawn_in_lose_a_layer_of_that_thickness() {
+    for muscle in sections() {
+        let name = &muscle.name;
+        let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+        let fine = grid::SectionKind::Plain { across: 20, through: 8 }.grid();
+        let levels = (0..=100).map(|i| f64::from(i) / 100.0).collect();
+        let block = grid::fill(name, &Loft::new(&muscle), &fine, levels);
+        let (surface, _) = Surface::from_faces(&block.points, &block.side_faces());
+        let side: f64 = (0..surface.triangles.len()).map(|t| surface.area_vector(t).norm()).sum();
+        let by = 0.2e-3;
+        let layer = (volume(&muscle) - volume(&muscle.drawn_in(by))) / (side * by);
+        assert!((layer - 1.0).abs() < 0.12, "{name}: {layer} times the layer of {by} m");
+        let mut before = volume(&muscle);
+        for by in [1e-3, 2.5e-3, 5e-3] {
+            let thin = muscle.drawn_in(by);
+            thin.check().unwrap_or_else(|e| panic!("{name} drawn in by {by} m: {e:?}"));
+            assert!(volume(&thin) < before, "{name} drawn in by {by} m");
+            before = volume(&thin);
+        }
+        // A third of width and thickness is left of a strap, a ninth of its section.
+        assert!(before > 0.11 * volume(&muscle), "{name}: {before} m³ are left");
+    }
+}
+
+#[test]
+fn a_thigh_drawn_in_has_wider_gaps() {
+    let only = ["vastus_medialis", "vastus_intermedius", "rectus_femoris"].map(String::from);
+    let effects = ThighEffects { fibres: false, shells: false };
+    let gap = |by: f64| {
+        let made = thigh::from_limb(thigh::limb().unwrap(), 12e-3, by, &only, effects);
+        assert!(
+            made.built.muscles.iter().all(|m| m.quality.least_scaled_jacobian > 0.3),
+            "drawn in by {by} m"
+        );
+        let tied = made.thigh.muscles.iter().map(|m| m.tied.values().map(Vec::len).sum::<usize>());
+        assert!(tied.into_iter().all(|n| n > 0), "drawn in by {by} m: a muscle holds on to nothing");
+        made.built.least_gap().expect("three muscles").0
+    };
+    let [as_drawn, wide] = [0.0, 2e-3].map(gap);
+    assert!(as_drawn < 1e-3 && wide > as_drawn + 2e-3, "gaps of {as_drawn} and {wide} m");
 }

@@ -120,11 +120,12 @@ impl Prepared {
                     Some(sizes) => limb()?.mapped(&limb_map(sizes))?,
                     None => limb()?,
                 };
-                Some(from_limb(limb, scene.resolution, &scene.muscles, effects))
+                Some(from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects))
             }
             (Some(folder), true) => {
                 let bones = folder.join("..").join("bones");
-                let (made, files) = from_surfaces(folder, &bones, scene.resolution, &scene.muscles, effects)?;
+                let (made, files) =
+                    from_surfaces(folder, &bones, scene.resolution, scene.draw_in, &scene.muscles, effects)?;
                 inputs.extend(files);
                 Some(made)
             }

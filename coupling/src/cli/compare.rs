@@ -177,6 +177,12 @@ pub(super) fn carry_out(
     if let Some((scheme, most)) = two_way {
         settings.push(("Two-way coupling".into(), format!("{scheme:?}, at most {most} passes")));
     }
+    if let Some((distance, [a, b])) = prepared.made.as_ref().and_then(|made| made.built.least_gap()) {
+        settings.push((
+            "Least distance of muscles in the mesh".into(),
+            format!("{:.1} mm ({a}, {b})", distance * 1e3),
+        ));
+    }
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
     let seconds = record.seconds.clone();
     let computed =

@@ -112,7 +112,7 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     let areas = physiological_sections();
     let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
     let known = |muscle: &str| if rigid.is_empty() { None } else { areas.get(muscle).copied() };
-    let grows = reaches(&bones);
+    let grows = reaches(&bones, 0.0);
     let stock = inventory(&blocks, &attachments, &known, &grows, &rigid);
     let owned: Vec<_> = blocks.iter().map(|block| (*block).clone()).collect();
     let effects = ThighEffects { fibres: true, shells: true };

@@ -4,6 +4,7 @@
 //! trial = "walker"            # the built-in walker, a trial file beside this one, or the name of a shipped trial
 //! muscles = "all"             # of the thigh: "all", a list of names, or "none" for the rigid leg alone
 //! resolution_mm = 12.0        # edges of the mesh
+//! draw_in_mm = 0.0            # surfaces of the muscles are drawn in by this: neighbours lie about twice as far apart
 //! stress_free = "standing"    # posture of the mesh without stress: "standing" or "heel_strike"
 //! surfaces = "muscles_fit"    # folder of closed muscle surfaces [m] beside a folder `bones`; absent: the built-in thigh
 //!
@@ -47,6 +48,8 @@ const WALKER: &str = include_str!("../../../gait-data/scenes/walker.toml");
 const SHIPPED: &str = "gait-data/scenes";
 /// Target edge lengths that are meshed \[mm\].
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
+/// How far muscles can be drawn in \[mm\]; a third of the thickness of every muscle is left.
+const DRAWN_IN: RangeInclusive<f64> = 0.0..=5.0;
 /// Knee flexion that can be prescribed \[degrees\].
 const FLEXIONS: RangeInclusive<f64> = 0.0..=120.0;
 /// Residuals that can be asked for \[N\]: the least is above round-off, the greatest below the forces of most muscles.
@@ -97,6 +100,8 @@ pub struct Scene {
     pub surfaces: Option<PathBuf>,
     /// Edge length of the mesh that is aimed at \[m\].
     pub resolution: f64,
+    /// How far the surfaces of the muscles are drawn in \[m\].
+    pub draw_in: f64,
     /// Forces out of balance at which a step counts as solved, without and with contact: norm over all nodes \[N\], more where muscles pull
     /// with more than 1000 N.
     pub residuals: [f64; 2],
@@ -118,6 +123,7 @@ struct SceneFile {
     trial: Option<Spanned<PathBuf>>,
     muscles: Option<Spanned<Muscles>>,
     resolution_mm: Option<Spanned<f64>>,
+    draw_in_mm: Option<Spanned<f64>>,
     #[serde(default)]
     stress_free: Option<Spanned<StressFree>>,
     surfaces: Option<Spanned<PathBuf>>,
@@ -206,6 +212,10 @@ impl Scene {
             None => 12.0,
             Some(mm) => at.within("resolution_mm", mm, &RESOLUTIONS, "mm")?,
         };
+        let draw_in = match &scene.draw_in_mm {
+            None => 0.0,
+            Some(mm) => at.within("draw_in_mm", mm, &DRAWN_IN, "mm")?,
+        };
         let accuracy = &scene.accuracy;
         let mut residuals = NATURAL_RESIDUALS;
         let given =
@@ -234,6 +244,7 @@ impl Scene {
             muscles,
             surfaces,
             resolution: resolution * 1e-3,
+            draw_in: draw_in * 1e-3,
             residuals,
             stress_free,
             fibres: scene.effects.fibres.unwrap_or(natural),

@@ -42,12 +42,16 @@ impl Scene {
                 }
             })
             .collect();
-        let of_thigh =
-            |(label, _): &(&str, String)| self.deformable || ["Trial", "Thigh", "Steps"].contains(label);
+        let of_thigh = |(label, _): &(&str, String)| match *label {
+            "Trial" | "Thigh" | "Steps" => true,
+            "Muscles drawn in" => self.deformable && self.draw_in > 0.0,
+            _ => self.deformable,
+        };
         [
             ("Trial", trial.map_or("built-in walker".into(), |t| t.to_string_lossy().into_owned())),
             ("Thigh", thigh),
             ("Resolution", format!("{} mm", self.resolution * 1e3)),
+            ("Muscles drawn in", format!("by {} mm", self.draw_in * 1e3)),
             ("Residual", format!("{} N without contact, {} N with", self.residuals[0], self.residuals[1])),
             ("Mesh free of stress", stress_free.into()),
             ("Fibres", fibres.into()),

@@ -193,12 +193,15 @@ impl Thigh {
     }
 }
 
-/// Whether a point of a muscle's side \[m\] is close enough to a bone to grow from it. A bone that has no surface is never far.
-pub fn reaches(bones: &[Bone]) -> impl Fn(&str, &Vector3<f64>) -> bool {
+/// Whether a point of a muscle's side \[m\] is close enough to a bone to grow from it, where sides were drawn in by `drawn_in` \[m\]. A bone that
+/// has no surface is never far.
+pub fn reaches(bones: &[Bone], drawn_in: f64) -> impl Fn(&str, &Vector3<f64>) -> bool + use<> {
     let search: Vec<(String, SearchSurface)> =
         bones.iter().map(|b| (b.name.clone(), SearchSurface::new(b.surface.clone()))).collect();
     move |bone, point| match search.iter().find(|(name, _)| name == bone) {
-        Some((_, surface)) => surface.nearest(point).is_some_and(|(p, _, _)| p.distance <= PATCH_REACH),
+        Some((_, surface)) => {
+            surface.nearest(point).is_some_and(|(p, _, _)| p.distance <= PATCH_REACH + drawn_in)
+        }
         None => true,
     }
 }

@@ -56,17 +56,22 @@ fn with_attachments(sections: Vec<MuscleSections>, bones: Vec<Bone>, attachments
 
 /// Meshes the built-in thigh with edges of about `edge` \[m\]; `only` these muscles, all where it is empty.
 pub fn built_in(edge: f64, only: &[String], effects: ThighEffects) -> Result<BuiltIn, MeshError> {
-    Ok(from_limb(limb()?, edge, only, effects))
+    Ok(from_limb(limb()?, edge, 0.0, only, effects))
 }
 
-/// The same from a limb of one's own, e.g. one scaled to a subject ([`crate::subject::limb_map`]).
-pub fn from_limb(mut limb: Limb, edge: f64, only: &[String], effects: ThighEffects) -> BuiltIn {
+/// The same from a limb of one's own, e.g. one scaled to a subject ([`crate::subject::limb_map`]). Every muscle is drawn in by
+/// `draw_in` \[m\] ([`MuscleSections::drawn_in`]); the mesher keeps its own gap in any case.
+pub fn from_limb(mut limb: Limb, edge: f64, draw_in: f64, only: &[String], effects: ThighEffects) -> BuiltIn {
     limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
+    if draw_in > 0.0 {
+        limb.sections.iter_mut().for_each(|m| *m = m.drawn_in(draw_in));
+    }
     let Limb { sections, bones, attachments } = limb;
     let built = fem::mesh::muscle::build(&sections, &bones, edge);
     let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
     let areas = lines::physiological_sections();
-    let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches(&bones), effects);
+    let reaches = reaches(&bones, draw_in);
+    let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches, effects);
     BuiltIn { thigh, bones, attachments, built }
 }
 
@@ -76,6 +81,7 @@ pub fn from_surfaces(
     muscles: &Path,
     bones: &Path,
     edge: f64,
+    draw_in: f64,
     only: &[String],
     effects: ThighEffects,
 ) -> Result<(BuiltIn, Vec<PathBuf>), SectionError> {
@@ -90,5 +96,5 @@ pub fn from_surfaces(
             *outline = ALL_ROUND;
         }
     }
-    Ok((from_limb(with_attachments(sections, bones, attachments), edge, &[], effects), files))
+    Ok((from_limb(with_attachments(sections, bones, attachments), edge, draw_in, &[], effects), files))
 }

@@ -111,6 +111,14 @@ pub struct Built {
 }
 
 impl Built {
+    /// Least distance between two muscles \[m\] and their names; `None` for one muscle.
+    pub fn least_gap(&self) -> Option<(f64, [&str; 2])> {
+        let name = |m: usize| self.muscles[m].block.name.as_str();
+        let gaps =
+            self.muscles.iter().enumerate().filter_map(|(i, m)| m.gap.map(|(d, j)| (d, [name(i), name(j)])));
+        gaps.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     /// Goals that are missed, one sentence each; empty where all are reached.
     pub fn missed(&self, bones: &[Bone]) -> Vec<String> {
         let mut missed = Vec::new();

@@ -6,6 +6,7 @@
 pub mod attachment;
 mod bones;
 mod build;
+mod draw_in;
 pub mod fibres;
 pub mod from_surface;
 pub mod grid;
