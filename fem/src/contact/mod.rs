@@ -104,8 +104,6 @@ struct Terms {
     floor: f64,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
-    /// Points within a step of a surface or inside it, where the barriers are softened.
-    near: Vec<near::Near>,
     stencils: Vec<Stencil>,
 }
 
@@ -211,13 +209,12 @@ impl Contact {
             return last;
         }
         let p = self.surfaces.positions(x);
-        let near = if floor > 0.0 { self.soft_near(&p) } else { Vec::new() };
         let stencils = match self.mode {
-            Mode::Guarded if floor > 0.0 => self.soft_barriers(&p, floor, &near),
+            Mode::Guarded if floor > 0.0 => self.soft_barriers(&p, floor),
             Mode::Guarded => self.barriers(&p),
             Mode::Cheap => self.springs(&p),
         };
-        let terms = Arc::new(Terms { x: x.to_vec(), floor, p, near, stencils });
+        let terms = Arc::new(Terms { x: x.to_vec(), floor, p, stencils });
         *held() = terms.clone();
         terms
     }

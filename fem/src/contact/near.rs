@@ -63,7 +63,7 @@ struct Seen {
 impl Contact {
     /// Collision points closer than `least` to a surface that they may meet, or inside it.
     pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
-        self.near_within(p, least, least + self.view(), 0.0)
+        self.near_within(p, &|_, _| least, least + self.view(), 0.0)
     }
 
     /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
@@ -72,9 +72,15 @@ impl Contact {
         VIEW * self.surfaces.edge_length
     }
 
-    /// The same of points no farther than `view` \[m\] from the surface, and of the first point of every surface. What lies
-    /// beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
-    pub(super) fn near_within(&self, p: &[Vector3<f64>], least: f64, view: f64, aside: f64) -> Vec<Near> {
+    /// The same, `least` by point and surface, of points no farther than `view` \[m\] from the surface, and of the first point of every
+    /// surface. What lies beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
+    pub(super) fn near_within(
+        &self,
+        p: &[Vector3<f64>],
+        least: &(dyn Fn(usize, usize) -> f64 + Sync),
+        view: f64,
+        aside: f64,
+    ) -> Vec<Near> {
         let all = &self.surfaces;
         let mut memory = self.memory.lock().expect("no thread panics while it holds the memory");
         if memory.range != [view, aside] {
@@ -104,7 +110,7 @@ impl Contact {
                     seen.push(Seen { surface: other, nearest: None, at_least: f64::NEG_INFINITY });
                     seen.len() - 1
                 });
-                let seen = &mut seen[at];
+                let (seen, least) = (&mut seen[at], least(point, other));
                 if seen.at_least >= least {
                     continue;
                 }
@@ -114,12 +120,14 @@ impl Contact {
                     point_triangle(&self.triangle_points(point as u32, t, p)).squared()
                 };
                 let within = if first(point) { f64::MAX.sqrt() } else { view };
+                // A point known to be outside need not be looked at farther than asked.
+                let within = if seen.at_least > 0.0 { within.min(least) } else { within };
                 let nearest = s.triangle_tree.nearest(&fitted[other], q, within, seen.nearest, squared);
-                seen.nearest = nearest.map(|n| n.0);
                 let Some(nearest) = nearest else {
                     seen.at_least = within;
                     continue;
                 };
+                seen.nearest = Some(nearest.0);
                 let mut near = self.seen_from(point as u32, s, nearest.0, &normals[other], p);
                 // Beyond a rim it is not the distance to the surface.
                 seen.at_least = if near.beside.is_some() { f64::NEG_INFINITY } else { near.gap };

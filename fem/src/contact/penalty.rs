@@ -28,7 +28,10 @@ impl Contact {
             }
             Stencil { points: [near.point, a, b, c], closest, scale, law: Law::Spring, edges: 0.0 }
         };
-        self.near_within(p, 0.0, self.view(), ASIDE * all.edge_length).into_iter().map(spring).collect()
+        self.near_within(p, &|_, _| 0.0, self.view(), ASIDE * all.edge_length)
+            .into_iter()
+            .map(spring)
+            .collect()
     }
 }
 

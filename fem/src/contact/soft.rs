@@ -13,6 +13,7 @@ use super::ccd::largest;
 use super::closest::point_triangle;
 use super::near::Near;
 use super::stencil::{Law, Stencil};
+use super::surface::Surface;
 use super::{Contact, Mode};
 use nalgebra::Vector3;
 
@@ -33,17 +34,24 @@ impl Contact {
         self.surfaces.edge_length.max(LONGEST * thickest)
     }
 
-    /// Points within a step of a surface, or inside it, with the collision points at `p`.
-    pub(super) fn soft_near(&self, p: &[Vector3<f64>]) -> Vec<Near> {
-        let longest = self.longest();
-        self.near_within(p, longest, longest, 0.0)
+    /// Points inside a surface with the collision points at `p`.
+    pub(super) fn soft_inside(&self, p: &[Vector3<f64>]) -> Vec<Near> {
+        self.near_within(p, &|_, _| 0.0, self.longest(), 0.0)
+    }
+
+    /// Points that may come into a surface where the collision points at `p` go the ways `u`, none farther than a step may.
+    fn soft_ahead(&self, p: &[Vector3<f64>], u: &[Vector3<f64>]) -> Vec<Near> {
+        let (all, longest) = (&self.surfaces, self.longest());
+        let farthest = |s: &Surface| largest(s.samples.clone().map(|i| u[i]));
+        let ways: Vec<f64> = all.list.iter().map(farthest).collect();
+        self.near_within(p, &|point, other| (u[point].norm() + ways[other]).min(longest), longest, 0.0)
     }
 
     /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
-    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64, near: &[Near]) -> Vec<Stencil> {
+    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Stencil> {
         let all = &self.surfaces;
         let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
-        let inside: Vec<&Near> = near.iter().filter(|n| n.gap < 0.0).collect();
+        let inside = self.soft_inside(p);
         let mut entered: Vec<(u32, usize)> =
             inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
         entered.sort_unstable();
@@ -77,7 +85,8 @@ impl Contact {
         let u: Vec<Vector3<f64>> =
             all.positions(to).iter().zip(&start.p).map(|(to, from)| to - from).collect();
         let mut share = (self.longest() / largest(u.iter().copied())).min(1.0);
-        for n in &start.near {
+        let ahead: Vec<Vector3<f64>> = u.iter().map(|u| u * share).collect();
+        for n in self.soft_ahead(&start.p, &ahead) {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);

@@ -17,6 +17,8 @@ const CARRIED_DET_F_SHARE: f64 = 0.3;
 const LEAST_CARRY: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
+/// The same where cells would fold while softened contact is carried along: the folds are gone long before equilibrium.
+const UNFOLDED: f64 = 0.5;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other.
@@ -102,15 +104,23 @@ impl Run<'_> {
     /// whether that led to a place where nothing overlaps. It is not tried again in this load step.
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
-        FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor))
+        FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor, ON_THE_WAY))
             && potential.part(x)
             && is_sound(potential, x, 0.0)
     }
 
-    /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`; returns whether it got there.
-    fn relax(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64, floor: f64) -> bool {
+    /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in play;
+    /// returns whether it got there.
+    fn relax(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        load: f64,
+        floor: f64,
+        enough: f64,
+    ) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
-        self.tolerance = tolerance.max(ON_THE_WAY);
+        self.tolerance = tolerance.max(enough);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
         let there = potential.soften(floor) && self.newton(potential, x, load).is_ok();
@@ -151,7 +161,7 @@ impl Run<'_> {
             if piece == n {
                 break (touches || folds) && self.equilibrate_softly(potential, x, target);
             }
-            if piece == from || !self.relax(potential, x, load(piece), FLOORS[0]) {
+            if piece == from || !self.relax(potential, x, load(piece), FLOORS[0], UNFOLDED) {
                 break false;
             }
         };
