@@ -4,6 +4,7 @@ use fem::contact::barrier::barrier;
 use fem::contact::ccd::{edge_edge_share, point_triangle_share, tenth};
 use fem::contact::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
 use fem::contact::stencil::{Law, Stencil};
+use fem::contact::surface::{SurfaceInput, Surfaces};
 use nalgebra::Vector3;
 use support::{Random, taylor_order};
 
@@ -204,4 +205,40 @@ fn no_pair_passes_through_within_the_share_it_may_go() {
     let through = |z: f64| -> Points { [V::new(0.3, 0.3, z), V::zeros(), V::x(), V::y()] };
     let share = point_triangle_share(&through(1.0), &through(-1.0), tenth);
     assert!((0.44..0.5).contains(&share), "{share}");
+}
+
+/// What is behind a face is the body, not what stands across a notch: a comb of cubes, whose faces look at each other.
+#[test]
+fn depths_are_those_of_the_body_behind_a_face() {
+    const EDGE: f64 = 0.01;
+    let is_body = |[i, j]: [i32; 2]| (0..7).contains(&i) && (j == 0 || j == 1 && i % 2 == 0);
+    let (mut points, mut faces, mut expected) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..7 {
+        for j in (0..2).filter(|&j| is_body([i, j])) {
+            for [x, z] in
+                [[1, 0], [-1, 0], [0, 1], [0, -1]].into_iter().filter(|d| !is_body([i + d[0], j + d[1]]))
+            {
+                let depth = (1..).find(|n| !is_body([i - n * x, j - n * z])).expect("the body ends");
+                let centre =
+                    Vector3::new(f64::from(i) + 0.5 * f64::from(x), 0.0, f64::from(j) + 0.5 * f64::from(z));
+                // Counter-clockwise about the normal (x, 0, z).
+                let (y, t) = (Vector3::y() * 0.5, Vector3::new(f64::from(z), 0.0, f64::from(-x)) * 0.5);
+                let first = points.len() as u32 / 3;
+                [-y - t, -y + t, y + t, y - t]
+                    .iter()
+                    .for_each(|c| points.extend(((centre + c) * EDGE).iter()));
+                faces.push([first, first + 1, first + 2, first + 3]);
+                expected.push(f64::from(depth) * EDGE);
+            }
+        }
+    }
+    let input = SurfaceInput { name: "comb".into(), faces, stiffness: 1e4, spacing: f64::INFINITY };
+    let surfaces = Surfaces::new(&[input], &points);
+    assert_eq!(surfaces.depths.len(), 4 * expected.len());
+    for (found, expected) in surfaces.depths.chunks(4).zip(expected) {
+        assert!(
+            found.iter().all(|d| (d - expected).abs() < 1e-9),
+            "depths {found:?} m, expected {expected} m"
+        );
+    }
 }

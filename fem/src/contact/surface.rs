@@ -359,5 +359,6 @@ fn way_out(from: &Vector3<f64>, along: &Vector3<f64>, [a, b, c]: &[Vector3<f64>;
     }
     let side = w.cross(along);
     let (s, t) = (v.dot(&side) / det, -u.dot(&side) / det);
-    (s >= 0.0 && t >= 0.0 && s + t <= 1.0).then(|| w.dot(&u.cross(&v)) / det)
+    let way = w.dot(&u.cross(&v)) / det;
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && way > 0.0).then_some(way)
 }

@@ -123,7 +123,12 @@ impl Run<'_> {
         self.tolerance = tolerance.max(enough);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
-        let there = potential.soften(floor) && self.newton(potential, x, load).is_ok();
+        let outcome = potential.soften(floor).then(|| self.newton(potential, x, load));
+        if let Some(Err(failure)) = &outcome {
+            let (det_f, reason) = (failure.det_f, &failure.reason);
+            tracing::debug!(island = %self.name, step = self.step, load, floor, det_f, %reason, "softened contact does not settle");
+        }
+        let there = matches!(outcome, Some(Ok(())));
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
         potential.soften(0.0);
         self.linear.forget();
