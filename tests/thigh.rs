@@ -529,7 +529,13 @@ fn four_heads_join_in_the_quadriceps_tendon() {
     plain.iter_mut().for_each(|a| a.footprint = None);
     let blocks: Vec<MuscleBlock> = made.built.muscles.iter().map(|m| m.block.clone()).collect();
     let areas = physiological_sections();
-    let fans = build(&blocks, &plain, &|m| areas.get(m).copied(), &reaches(&made.bones, 0.0), effects);
+    let fans = build(
+        &blocks,
+        &plain,
+        &|m| areas.get(m).copied(),
+        &reaches(&made.bones, Default::default()),
+        effects,
+    );
     assert!(fans.tendons.is_empty());
     // A head by itself keeps its tendon and loses the seams.
     let own = alone(thigh, 1);

@@ -120,7 +120,7 @@ impl Prepared {
                     Some(sizes) => limb()?.mapped(&limb_map(sizes))?,
                     None => limb()?,
                 };
-                Some(from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects))
+                Some(from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects)?)
             }
             (Some(folder), true) => {
                 let bones = folder.join("..").join("bones");

@@ -1,5 +1,6 @@
 //! `sartorius mesh [INPUT] --resolution MM`.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -112,7 +113,7 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     let areas = physiological_sections();
     let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
     let known = |muscle: &str| if rigid.is_empty() { None } else { areas.get(muscle).copied() };
-    let grows = reaches(&bones, 0.0);
+    let grows = reaches(&bones, BTreeMap::new());
     let stock = inventory(&blocks, &attachments, &known, &grows, &rigid);
     let owned: Vec<_> = blocks.iter().map(|block| (*block).clone()).collect();
     let effects = ThighEffects { fibres: true, shells: true };

@@ -4,7 +4,7 @@
 //! trial = "walker"            # the built-in walker, a trial file beside this one, or the name of a shipped trial
 //! muscles = "all"             # of the thigh: "all", a list of names, or "none" for the rigid leg alone
 //! resolution_mm = 12.0        # edges of the mesh
-//! draw_in_mm = 0.0            # surfaces of the muscles are drawn in by this: neighbours lie about twice as far apart
+//! draw_in_mm = 0.0            # surfaces of the muscles drawn in by up to this: gaps between them grow by up to twice as much
 //! stress_free = "standing"    # posture of the mesh without stress: "standing" or "heel_strike"
 //! surfaces = "muscles_fit"    # folder of closed muscle surfaces [m] beside a folder `bones`; absent: the built-in thigh
 //!
@@ -48,7 +48,7 @@ const WALKER: &str = include_str!("../../../gait-data/scenes/walker.toml");
 const SHIPPED: &str = "gait-data/scenes";
 /// Target edge lengths that are meshed \[mm\].
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
-/// How far muscles can be drawn in \[mm\]; a third of the thickness of every muscle is left.
+/// How far muscles can be drawn in \[mm\]; at least a third of the thickness and width of every muscle is left.
 const DRAWN_IN: RangeInclusive<f64> = 0.0..=5.0;
 /// Knee flexion that can be prescribed \[degrees\].
 const FLEXIONS: RangeInclusive<f64> = 0.0..=120.0;
@@ -100,7 +100,7 @@ pub struct Scene {
     pub surfaces: Option<PathBuf>,
     /// Edge length of the mesh that is aimed at \[m\].
     pub resolution: f64,
-    /// How far the surfaces of the muscles are drawn in \[m\].
+    /// How far the surfaces of the muscles are drawn in at most \[m\].
     pub draw_in: f64,
     /// Forces out of balance at which a step counts as solved, without and with contact: norm over all nodes \[N\], more where muscles pull
     /// with more than 1000 N.

@@ -51,7 +51,10 @@ impl Scene {
             ("Trial", trial.map_or("built-in walker".into(), |t| t.to_string_lossy().into_owned())),
             ("Thigh", thigh),
             ("Resolution", format!("{} mm", self.resolution * 1e3)),
-            ("Muscles drawn in", format!("by {} mm", self.draw_in * 1e3)),
+            (
+                "Muscles drawn in",
+                format!("by up to {:.1} mm, a third of thickness and width left", self.draw_in * 1e3),
+            ),
             ("Residual", format!("{} N without contact, {} N with", self.residuals[0], self.residuals[1])),
             ("Mesh free of stress", stress_free.into()),
             ("Fibres", fibres.into()),

@@ -193,17 +193,19 @@ impl Thigh {
     }
 }
 
-/// Whether a point of a muscle's side \[m\] is close enough to a bone to grow from it, where sides were drawn in by `drawn_in` \[m\]. A bone that
-/// has no surface is never far.
-pub fn reaches(bones: &[Bone], drawn_in: f64) -> impl Fn(&str, &Vector3<f64>) -> bool + use<> {
-    let search: Vec<(String, SearchSurface)> =
+/// Whether a point of a muscle's side \[m\] is close enough to a bone to grow from it; names of the muscle and the bone first.
+pub type Reaches<'a> = dyn Fn(&str, &str, &Vector3<f64>) -> bool + 'a;
+
+/// [`Reaches`] of these bones; one that has no surface is never far. `before`: surfaces of muscles before their sections were drawn in, whose
+/// nearest point counts.
+pub fn reaches(bones: &[Bone], before: BTreeMap<String, SearchSurface>) -> Box<Reaches<'static>> {
+    let search: BTreeMap<String, SearchSurface> =
         bones.iter().map(|b| (b.name.clone(), SearchSurface::new(b.surface.clone()))).collect();
-    move |bone, point| match search.iter().find(|(name, _)| name == bone) {
-        Some((_, surface)) => {
-            surface.nearest(point).is_some_and(|(p, _, _)| p.distance <= PATCH_REACH + drawn_in)
-        }
-        None => true,
-    }
+    Box::new(move |muscle, bone, point| {
+        let nearest = before.get(muscle).and_then(|surface| surface.nearest(point));
+        let point = nearest.map_or(*point, |(closest, ..)| closest.on_b);
+        search.get(bone).is_none_or(|s| s.nearest(&point).is_some_and(|(p, ..)| p.distance <= PATCH_REACH))
+    })
 }
 
 /// Name of the node set of `muscle` that is tied to `segment`.
@@ -217,7 +219,7 @@ pub fn build(
     blocks: &[MuscleBlock],
     attachments: &[Attachment],
     sections: &dyn Fn(&str) -> Option<f64>,
-    reaches: &dyn Fn(&str, &Vector3<f64>) -> bool,
+    reaches: &Reaches,
     effects: ThighEffects,
 ) -> Thigh {
     let mut mesh = to_mesh(blocks);
@@ -314,7 +316,7 @@ fn tie(
     block: &MuscleBlock,
     first: u32,
     attachments: &[Attachment],
-    reaches: &dyn Fn(&str, &Vector3<f64>) -> bool,
+    reaches: &Reaches,
     mesh: &mut Mesh,
     scene: &mut Scene,
     muscle: &mut ThighMuscle,
@@ -327,8 +329,8 @@ fn tie(
     let patches = own().filter(|a| matches!(a.site, Site::SidePatch { .. }));
     for a in faces.chain(patches) {
         for node in a.nodes(block) {
-            let near =
-                a.site == Site::EndFace || reaches(&a.bone, &Vector3::from(block.points[node as usize]));
+            let near = a.site == Site::EndFace
+                || reaches(&a.muscle, &a.bone, &Vector3::from(block.points[node as usize]));
             if near && taken.insert(node) {
                 sets.entry(&a.segment).or_default().push(node + first);
             }

@@ -8,6 +8,7 @@ use fem::mesh::muscle::fibres::{fibres, mean_section};
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::build::Reaches;
 use crate::steps::RigidMuscle;
 
 /// Directions farther apart than this are explained \[deg\].
@@ -80,7 +81,7 @@ pub fn inventory(
     blocks: &[&MuscleBlock],
     attachments: &[Attachment],
     section: &dyn Fn(&str) -> Option<f64>,
-    reaches: &dyn Fn(&str, &Vector3<f64>) -> bool,
+    reaches: &Reaches,
     rigid: &[RigidMuscle],
 ) -> Vec<MuscleInventory> {
     let one = |block: &&MuscleBlock| {
@@ -117,12 +118,7 @@ struct Grip {
 }
 
 impl Grip {
-    fn of(
-        block: &MuscleBlock,
-        role: Role,
-        own: &[&Attachment],
-        reaches: &dyn Fn(&str, &Vector3<f64>) -> bool,
-    ) -> Grip {
+    fn of(block: &MuscleBlock, role: Role, own: &[&Attachment], reaches: &Reaches) -> Grip {
         let place = |n: u32| Vector3::from(block.points[n as usize]);
         // Not of the layer as a whole: the ends of broad muscles are curved.
         let area = |face: &[u32; 4]| {
@@ -141,7 +137,9 @@ impl Grip {
                 Site::EndFace => hold.face_mm2 = 1e6 * block.end_faces(layer).iter().map(area).sum::<f64>(),
                 Site::EndSpot => {}
                 Site::SidePatch { .. } => {
-                    on_side.extend(a.nodes(block).into_iter().filter(|&n| reaches(&a.bone, &place(n))));
+                    on_side.extend(
+                        a.nodes(block).into_iter().filter(|&n| reaches(&a.muscle, &a.bone, &place(n))),
+                    );
                 }
             }
             if let (false, Some(&end)) = (matches!(a.site, Site::SidePatch { .. }), a.tendon.last()) {

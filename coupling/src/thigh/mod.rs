@@ -6,12 +6,15 @@ pub mod lines;
 pub mod tendons;
 pub mod trial;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::muscle::attachment::{Attachment, Site};
 use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
+use fem::mesh::muscle::grid::{self, SectionKind};
 use fem::mesh::muscle::limb::Limb;
-use fem::mesh::muscle::{Bone, Built, MuscleBlock, MuscleSections};
+use fem::mesh::muscle::{Bone, Built, Loft, MuscleBlock, MuscleSections};
 use fem::mesh::{LengthUnit, MeshError};
 
 use crate::thigh_tables::{ATTACHMENTS, BONE_SECTIONS, MUSCLE_SECTIONS};
@@ -36,6 +39,9 @@ const AT_REFERENCE: [&str; 1] = ["semimembranosus"];
 /// Outline parameters of a whole side, just short of the full turn.
 const ALL_ROUND: [f64; 2] = [0.0, 13.999];
 
+/// Layers in which the side of a muscle is sampled.
+const LEVELS: usize = 100;
+
 /// The tables of the built-in thigh.
 pub fn limb() -> Result<Limb, MeshError> {
     Ok(with_attachments(
@@ -56,23 +62,41 @@ fn with_attachments(sections: Vec<MuscleSections>, bones: Vec<Bone>, attachments
 
 /// Meshes the built-in thigh with edges of about `edge` \[m\]; `only` these muscles, all where it is empty.
 pub fn built_in(edge: f64, only: &[String], effects: ThighEffects) -> Result<BuiltIn, MeshError> {
-    Ok(from_limb(limb()?, edge, 0.0, only, effects))
+    from_limb(limb()?, edge, 0.0, only, effects)
 }
 
 /// The same from a limb of one's own, e.g. one scaled to a subject ([`crate::subject::limb_map`]). Every muscle is drawn in by
 /// `draw_in` \[m\] ([`MuscleSections::drawn_in`]); the mesher keeps its own gap in any case.
-pub fn from_limb(mut limb: Limb, edge: f64, draw_in: f64, only: &[String], effects: ThighEffects) -> BuiltIn {
+pub fn from_limb(
+    mut limb: Limb,
+    edge: f64,
+    draw_in: f64,
+    only: &[String],
+    effects: ThighEffects,
+) -> Result<BuiltIn, MeshError> {
     limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
+    let mut before = BTreeMap::new();
     if draw_in > 0.0 {
-        limb.sections.iter_mut().for_each(|m| *m = m.drawn_in(draw_in));
+        for muscle in &mut limb.sections {
+            before.insert(muscle.name.clone(), SearchSurface::new(side(muscle)));
+            *muscle = muscle.drawn_in(draw_in)?;
+        }
     }
     let Limb { sections, bones, attachments } = limb;
     let built = fem::mesh::muscle::build(&sections, &bones, edge);
     let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
     let areas = lines::physiological_sections();
-    let reaches = reaches(&bones, draw_in);
+    let reaches = reaches(&bones, before);
     let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches, effects);
-    BuiltIn { thigh, bones, attachments, built }
+    Ok(BuiltIn { thigh, bones, attachments, built })
+}
+
+/// The side of a muscle.
+fn side(sections: &MuscleSections) -> Surface {
+    let fine = SectionKind::Plain { across: 10, through: 4 }.grid();
+    let levels = (0..=LEVELS).map(|i| i as f64 / LEVELS as f64).collect();
+    let block = grid::fill(&sections.name, &Loft::new(sections), &fine, levels);
+    Surface::from_faces(&block.points, &block.side_faces()).0
 }
 
 /// Meshes the muscles whose closed surfaces \[m\] lie in the folder `muscles`, beside their bones in the folder `bones`; both in the frame of
@@ -96,5 +120,5 @@ pub fn from_surfaces(
             *outline = ALL_ROUND;
         }
     }
-    Ok((from_limb(with_attachments(sections, bones, attachments), edge, draw_in, &[], effects), files))
+    Ok((from_limb(with_attachments(sections, bones, attachments), edge, draw_in, &[], effects)?, files))
 }

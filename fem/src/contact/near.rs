@@ -119,18 +119,29 @@ impl Contact {
                     let t = (s.triangles.start + t as usize) as u32;
                     point_triangle(&self.triangle_points(point as u32, t, p)).squared()
                 };
-                let within = if first(point) { f64::MAX.sqrt() } else { view };
-                // A point known to be outside need not be looked at farther than asked.
-                let within = if seen.at_least > 0.0 { within.min(least) } else { within };
-                let nearest = s.triangle_tree.nearest(&fitted[other], q, within, seen.nearest, squared);
-                let Some(nearest) = nearest else {
-                    seen.at_least = within;
+                let search = |within: f64| {
+                    s.triangle_tree.nearest(&fitted[other], q, within, seen.nearest, squared).map(|n| n.0)
+                };
+                let see = |t: u32| self.seen_from(point as u32, s, t, &normals[other], p);
+                // Beyond a rim it is not the distance to the surface.
+                let bound = |n: &Near| if n.beside.is_some() { f64::NEG_INFINITY } else { n.gap };
+                let unlimited = f64::MAX.sqrt();
+                let is_outside = seen.at_least > 0.0;
+                let within = match first(point) {
+                    true => unlimited,
+                    false if is_outside => view.min(least), // it need not be looked at farther than asked
+                    false => view,
+                };
+                let Some(nearest) = search(within) else {
+                    // Far outside or deep inside: which of the two has to be known before it is skipped.
+                    seen.at_least = match is_outside {
+                        true => within,
+                        false => search(unlimited).map_or(within, |t| bound(&see(t))),
+                    };
                     continue;
                 };
-                seen.nearest = Some(nearest.0);
-                let mut near = self.seen_from(point as u32, s, nearest.0, &normals[other], p);
-                // Beyond a rim it is not the distance to the surface.
-                seen.at_least = if near.beside.is_some() { f64::NEG_INFINITY } else { near.gap };
+                let mut near = see(nearest);
+                (seen.nearest, seen.at_least) = (Some(nearest), bound(&near));
                 if near.gap >= least || near.beside.is_some_and(|d| d >= aside) {
                     continue;
                 }
@@ -143,7 +154,7 @@ impl Contact {
                     };
                     let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
                     let within = all.sample_depths[point].min(view);
-                    if is_far(nearest.0)
+                    if is_far(nearest)
                         && let Some((front, _)) =
                             s.triangle_tree.nearest(&fitted[other], q, within, None, squared)
                     {

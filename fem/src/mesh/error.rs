@@ -68,6 +68,18 @@ pub enum MeshError {
         /// What is missing.
         what: String,
     },
+    /// A muscle whose sections cannot be drawn in.
+    #[error("`{name}` cannot be drawn in by {} mm, station {station}: {reason}; draw in less", by * 1e3)]
+    DrawnIn {
+        /// Muscle.
+        name: String,
+        /// How far \[m\].
+        by: f64,
+        /// First section that would not be one.
+        station: usize,
+        /// Why.
+        reason: String,
+    },
     /// A mesh without cells.
     #[error("the mesh has no cells")]
     Empty,

@@ -17,7 +17,7 @@ const CARRIED_DET_F_SHARE: f64 = 0.3;
 const LEAST_CARRY: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
-/// The same where cells would fold while softened contact is carried along: the folds are gone long before equilibrium.
+/// The same where cells would fold while softened contact is carried along: most folds are gone long before equilibrium.
 const UNFOLDED: f64 = 0.5;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
@@ -136,7 +136,7 @@ impl Run<'_> {
     }
 
     /// Moves the load to `target` and lets the potential carry the free nodes along through whatever they touch, to equilibrium with
-    /// softened contact, also on the way where cells would fold; returns whether that ended at a place where nothing overlaps, and
+    /// softened contact, and some way towards it where cells would fold before; returns whether that ended at a place where nothing overlaps, and
     /// otherwise leaves `x` and the load `t`. Where nothing touches or folds on the way there is nothing to gain by it.
     fn carry_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], t: f64, target: f64) -> bool {
         let n = potential.n_pieces(target);
@@ -148,6 +148,7 @@ impl Run<'_> {
         let load =
             |piece: usize| if piece == n { target } else { t + piece as f64 / n as f64 * (target - t) };
         let (mut piece, mut folds, mut touches) = (0, false, false);
+        let mut enough = ON_THE_WAY;
         let done = loop {
             let from = piece;
             let (det_before, _) = potential.least_det_f(x);
@@ -166,7 +167,10 @@ impl Run<'_> {
             if piece == n {
                 break (touches || folds) && self.equilibrate_softly(potential, x, target);
             }
-            if piece == from || !self.relax(potential, x, load(piece), FLOORS[0], UNFOLDED) {
+            // Where that does not get it any farther, nearer to equilibrium it may.
+            let is_stuck = piece == from && enough == ON_THE_WAY;
+            enough = if piece == from { ON_THE_WAY } else { UNFOLDED };
+            if is_stuck || !self.relax(potential, x, load(piece), FLOORS[0], enough) {
                 break false;
             }
         };

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::sections::{MuscleSections, N_OUTLINE, Station};
+use crate::mesh::MeshError;
 
 /// Outline points that face each other across the section, side 1 and side 2, from end A to end B ([`super::CORNERS`]).
 const FACING: [[usize; 2]; 6] = [[0, 12], [1, 11], [2, 10], [3, 9], [4, 8], [5, 7]];
@@ -13,10 +14,14 @@ const LEAST: f64 = 1.0 / 3.0;
 
 impl MuscleSections {
     /// The muscle with its surface moved inwards by `by` \[m\], by less where no third of the thickness or width would be left. The line of the
-    /// muscle stays, so do its ends.
-    pub fn drawn_in(&self, by: f64) -> MuscleSections {
+    /// muscle stays, so do its ends. Refuses what [`MuscleSections::check`] refuses then.
+    pub fn drawn_in(&self, by: f64) -> Result<MuscleSections, MeshError> {
         let stations = self.stations.iter().map(|station| drawn_in(station, by)).collect();
-        MuscleSections { name: self.name.clone(), stations }
+        let drawn = MuscleSections { name: self.name.clone(), stations };
+        match drawn.check() {
+            Ok(()) => Ok(drawn),
+            Err((station, reason)) => Err(MeshError::DrawnIn { name: drawn.name, by, station, reason }),
+        }
     }
 }
 
@@ -54,6 +59,7 @@ fn drawn_in(station: &Station, by: f64) -> Station {
 /// The point of a polyline at the arc length `at`; `along`: arc length of its corners.
 fn on_line(line: &[Vector3<f64>], along: &[f64], at: f64) -> Vector3<f64> {
     let i = along.partition_point(|a| *a < at).clamp(1, line.len() - 1);
-    let t = (at - along[i - 1]) / (along[i] - along[i - 1]);
+    let length = along[i] - along[i - 1];
+    let t = if length > 0.0 { (at - along[i - 1]) / length } else { 0.0 };
     line[i - 1] + (line[i] - line[i - 1]) * t
 }
