@@ -86,6 +86,31 @@ fn softened_contact_pushes_out() {
     assert!(forces[0] > 0.0 && forces.windows(2).all(|f| f[1] > f[0]), "{forces:?}");
 }
 
+/// What was deep inside, deeper than is looked, is still inside when it comes closer to the surface again.
+#[test]
+fn softened_contact_finds_what_comes_back_from_deep_inside() {
+    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (scene, mesh) = two_blocks([[16, 16, 8], [13, 13, 6]], 1.5e-3, spec);
+    let first = mesh.points.len() - 14 * 14 * 7; // of the upper block
+    let lowered = |plan: &Plan, by: f64| {
+        let mut x = plan.reference();
+        for n in first..mesh.points.len() {
+            (x[3 * n], x[3 * n + 1], x[3 * n + 2]) =
+                (x[3 * n] + 3.1e-3, x[3 * n + 1] + 2.3e-3, x[3 * n + 2] - by);
+        }
+        x
+    };
+    // Energies where the upper block is lowered by one way after the other.
+    let energies = |ways: &[f64]| -> Vec<f64> {
+        let plan = plan(&scene, &mesh);
+        let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+        ways.iter().map(|&by| contact.energy(&lowered(&plan, by), 0.3)).collect()
+    };
+    let there = energies(&[3.5e-3])[0];
+    let and_back = energies(&[5.7e-3, 3.5e-3])[1];
+    assert!(there > 0.0 && and_back == there, "{and_back} J, at once {there} J");
+}
+
 /// Two blocks 4.5 mm apart, one moved by `closer` \[m\] towards the other, and at random.
 fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f64, floor: f64) {
     let mut random = Random::new(2);
