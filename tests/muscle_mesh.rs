@@ -598,9 +598,7 @@ fn muscles_drawn_in_lose_a_layer_of_that_thickness() {
     for muscle in sections() {
         let name = &muscle.name;
         let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
-        let fine = grid::SectionKind::Plain { across: 20, through: 8 }.grid();
-        let levels = (0..=100).map(|i| f64::from(i) / 100.0).collect();
-        let block = grid::fill(name, &Loft::new(&muscle), &fine, levels);
+        let block = muscle::sampled(&Loft::new(&muscle), [20, 8], 1.0);
         let (surface, _) = Surface::from_faces(&block.points, &block.side_faces());
         let side: f64 = (0..surface.triangles.len()).map(|t| surface.area_vector(t).norm()).sum();
         let by = 0.2e-3;

@@ -12,9 +12,8 @@ use std::path::{Path, PathBuf};
 use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::muscle::attachment::{Attachment, Site};
 use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
-use fem::mesh::muscle::grid::{self, SectionKind};
 use fem::mesh::muscle::limb::Limb;
-use fem::mesh::muscle::{Bone, Built, Loft, MuscleBlock, MuscleSections};
+use fem::mesh::muscle::{Bone, Built, Loft, MuscleBlock, MuscleSections, sampled};
 use fem::mesh::{LengthUnit, MeshError};
 
 use crate::thigh_tables::{ATTACHMENTS, BONE_SECTIONS, MUSCLE_SECTIONS};
@@ -38,9 +37,6 @@ const AT_REFERENCE: [&str; 1] = ["semimembranosus"];
 
 /// Outline parameters of a whole side, just short of the full turn.
 const ALL_ROUND: [f64; 2] = [0.0, 13.999];
-
-/// Layers in which the side of a muscle is sampled.
-const LEVELS: usize = 100;
 
 /// The tables of the built-in thigh.
 pub fn limb() -> Result<Limb, MeshError> {
@@ -93,9 +89,7 @@ pub fn from_limb(
 
 /// The side of a muscle.
 fn side(sections: &MuscleSections) -> Surface {
-    let fine = SectionKind::Plain { across: 10, through: 4 }.grid();
-    let levels = (0..=LEVELS).map(|i| i as f64 / LEVELS as f64).collect();
-    let block = grid::fill(&sections.name, &Loft::new(sections), &fine, levels);
+    let block = sampled(&Loft::new(sections), [10, 4], 1.0);
     Surface::from_faces(&block.points, &block.side_faces()).0
 }
 

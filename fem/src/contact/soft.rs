@@ -35,7 +35,7 @@ impl Contact {
     }
 
     /// Points inside a surface with the collision points at `p`.
-    pub(super) fn soft_inside(&self, p: &[Vector3<f64>]) -> Vec<Near> {
+    fn soft_inside(&self, p: &[Vector3<f64>]) -> Vec<Near> {
         self.near_within(p, &|_, _| 0.0, self.longest(), 0.0)
     }
 
@@ -77,16 +77,14 @@ impl Contact {
         stencils
     }
 
-    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened below
-    /// the share `floor` of the activation distance.
-    pub fn soft_share(&self, from: &[f64], to: &[f64], floor: f64) -> f64 {
+    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened.
+    pub fn soft_share(&self, from: &[f64], to: &[f64]) -> f64 {
         let all = &self.surfaces;
-        let start = self.terms(from, floor);
-        let u: Vec<Vector3<f64>> =
-            all.positions(to).iter().zip(&start.p).map(|(to, from)| to - from).collect();
+        let start = all.positions(from);
+        let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
         let mut share = (self.longest() / largest(u.iter().copied())).min(1.0);
         let ahead: Vec<Vector3<f64>> = u.iter().map(|u| u * share).collect();
-        for n in self.soft_ahead(&start.p, &ahead) {
+        for n in self.soft_ahead(&start, &ahead) {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);

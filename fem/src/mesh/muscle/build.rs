@@ -271,11 +271,16 @@ pub fn mesh_end(sections: &MuscleSections) -> f64 {
     }
 }
 
+/// The loft up to `s_end`, filled with so many cells across and through: to be measured, not to be solved on.
+pub fn sampled(loft: &Loft, [across, through]: [usize; 2], s_end: f64) -> MuscleBlock {
+    const LAYERS: usize = 100;
+    let fine = SectionKind::Plain { across, through }.grid();
+    grid::fill("", loft, &fine, (0..=LAYERS).map(|i| s_end * i as f64 / LAYERS as f64).collect())
+}
+
 /// Volume of the loft up to `s_end` \[m³\].
 pub fn loft_volume(loft: &Loft, s_end: f64) -> f64 {
-    const LAYERS: usize = 100;
-    let fine = SectionKind::Plain { across: 20, through: 8 }.grid();
-    grid::fill("", loft, &fine, (0..=LAYERS).map(|i| s_end * i as f64 / LAYERS as f64).collect()).volume()
+    sampled(loft, [20, 8], s_end).volume()
 }
 
 /// One muscle by itself: with rings, or plain where rings do not reach the goals and plain is better. Fine meshes start from a

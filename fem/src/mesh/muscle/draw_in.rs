@@ -1,4 +1,4 @@
-//! Sections drawn in, so that muscles lie a stated gap apart.
+//! Sections drawn in, so that muscles lie farther apart.
 
 use nalgebra::Vector3;
 

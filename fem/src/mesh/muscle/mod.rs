@@ -26,7 +26,7 @@ use nalgebra::Vector3;
 use super::{CellBlock, CellKind, Mesh, unique_nodes};
 
 pub use bones::Bone;
-pub use build::{BoneCrossing, Built, GOALS, Goals, MuscleResult, build, loft_volume, mesh_end};
+pub use build::{BoneCrossing, Built, GOALS, Goals, MuscleResult, build, loft_volume, mesh_end, sampled};
 pub use loft::{Loft, LoftPoint};
 pub use sections::{CORNERS, MuscleSections, N_OUTLINE, Station};
 
