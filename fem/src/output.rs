@@ -229,6 +229,9 @@ fn failure(error: &SolveError) -> Value {
             "island": island, "parts": parts.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "reason": "moves without resistance", "message": message,
         }),
+        SolveError::NoTime { step, from, to } => json!({
+            "frame": step, "from_s": from, "to_s": to, "reason": "no time passes", "message": message,
+        }),
         SolveError::NotConverged(e) => json!({
             "island": e.island, "frame": e.step, "load": e.load, "reason": e.reason.to_string(),
             "place": e.place, "least_det_f": e.det_f, "iterations": e.iterations,
@@ -237,7 +240,7 @@ fn failure(error: &SolveError) -> Value {
     }
 }
 
-/// What a frame shows: at the nodes `displacement_m`, and `contact_pressure_Pa` (force per reference area) on surfaces in contact; in solid cells `von_mises_Pa`, `pressure_Pa` and `volume_ratio`; in lines
+/// What a frame shows: at the nodes `displacement_m`, with inertia `velocity_m_per_s`, and `contact_pressure_Pa` (force per reference area) on surfaces in contact; in solid cells `von_mises_Pa`, `pressure_Pa` and `volume_ratio`; in lines
 /// that carry fibres or strands under the name of their block `stretch` and `force_N`; not a number elsewhere.
 pub fn fields(plan: &Plan, frame: &Frame) -> (Vec<vtu::Field<'static>>, Vec<vtu::Field<'static>>) {
     let displacement: Vec<f64> = frame.x.iter().zip(plan.reference()).map(|(x, X)| x - X).collect();
@@ -270,6 +273,9 @@ pub fn fields(plan: &Plan, frame: &Frame) -> (Vec<vtu::Field<'static>>, Vec<vtu:
         values: values.into(),
     };
     let mut points = vec![field(("displacement_m", displacement), 3)];
+    if !frame.v.is_empty() {
+        points.push(field(("velocity_m_per_s", frame.v.clone()), 3));
+    }
     let surfaces: BTreeSet<&str> = plan
         .islands
         .iter()

@@ -19,6 +19,8 @@ struct State {
     frame: usize,
     /// Positions of all nodes \[m\].
     x: Vec<u64>,
+    /// Velocities \[m/s\]; empty without inertia.
+    v: Vec<u64>,
     islands: Vec<([u64; 14], Vec<u64>, Vec<u64>)>,
     iterations: Vec<(String, [u64; 12])>,
 }
@@ -59,6 +61,7 @@ pub(crate) fn save(
         key: key.to_string(),
         frame,
         x: done.frame.x.iter().map(|x| x.to_bits()).collect(),
+        v: done.frame.v.iter().map(|v| v.to_bits()).collect(),
         islands: done.frame.islands.iter().map(pack_advance).collect(),
         iterations: done.iterations.iter().map(pack_iteration).collect(),
     };
@@ -85,6 +88,7 @@ pub(crate) fn load(
             time: to.time,
             load: to.load.clone(),
             x: state.x.into_iter().map(f64::from_bits).collect(),
+            v: state.v.into_iter().map(f64::from_bits).collect(),
             islands: state.islands.iter().map(unpack_advance).collect(),
         },
         errors: Vec::new(),

@@ -38,6 +38,8 @@ pub struct Frame {
     pub load: Load,
     /// Positions of all nodes \[m\], 3 per node. Where an island failed its nodes are at its last good state.
     pub x: Vec<f64>,
+    /// Velocities of all nodes \[m/s\], 3 per node; empty without inertia.
+    pub v: Vec<f64>,
     /// What the solver did, per island.
     pub islands: Vec<Advance>,
 }
@@ -91,6 +93,10 @@ pub struct Step<'a> {
 pub struct Session<'a> {
     plan: &'a Plan,
     x: Vec<f64>,
+    /// Velocities \[m/s\]; empty without inertia.
+    v: Vec<f64>,
+    /// Time that belongs to them \[s\].
+    time: f64,
     from: Load,
     solvers: Vec<Solver>,
     step: usize,
@@ -113,6 +119,8 @@ impl<'a> Session<'a> {
         Session {
             plan,
             x: start.map_or_else(|| plan.reference(), <[f64]>::to_vec),
+            v: plan.inertia.as_ref().map_or(Vec::new(), |i| i.velocities.clone()),
+            time: 0.0,
             from: plan.load(&[], &[]).expect("nothing is named"),
             solvers: plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect(),
             step: 0,
@@ -121,25 +129,35 @@ impl<'a> Session<'a> {
 
     /// Starts at a solved frame, the `step`-th of its run, with new solvers: what they do does not depend on how the frame was reached.
     pub fn from_frame(plan: &'a Plan, settings: &Settings, frame: &Frame, step: usize) -> Session<'a> {
-        Session { from: frame.load.clone(), step: step + 1, ..Session::new(plan, settings, Some(&frame.x)) }
+        let (from, v, time) = (frame.load.clone(), frame.v.clone(), frame.time);
+        Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x)) }
     }
 
-    /// Goes from where it is to the equilibrium under `to.load`. Where that fails the session stays at the last good state of each
+    /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the session stays at the last good state of each
     /// island and should not be used further.
     pub fn advance(&mut self, to: &DriveFrame) -> Advanced {
-        let (x, from, step) = (&self.x, &self.from, self.step);
+        let (x, v, from, step) = (&self.x, &self.v, &self.from, self.step);
+        let h = to.time - self.time;
+        let inertia = self.plan.inertia.as_ref();
+        if inertia.is_some() && !(h > 0.0 && h.is_finite()) {
+            let errors = vec![SolveError::NoTime { step, from: self.time, to: to.time }];
+            let frame =
+                Frame { time: to.time, load: from.clone(), x: x.clone(), v: v.clone(), islands: Vec::new() };
+            return Advanced { frame, errors, iterations: Vec::new() };
+        }
+        let before = x.clone();
         let jobs: Vec<_> = self.plan.islands.iter().zip(&mut self.solvers).collect();
         let results: Vec<_> = jobs
             .into_par_iter()
             .with_max_len(1)
             .map(|(island, solver)| {
-                let local: Vec<f64> = island
-                    .nodes
-                    .iter()
-                    .flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied())
-                    .collect();
+                let local = island.gather(x);
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
+                if let Some(inertia) = inertia {
+                    let masses: Vec<f64> = island.nodes.iter().map(|&n| inertia.masses[n as usize]).collect();
+                    potential = potential.over(h, &masses, &local, &island.gather(v));
+                }
                 let mut rows = Vec::new();
                 let result = match free.is_empty() {
                     true => {
@@ -162,9 +180,14 @@ impl<'a> Session<'a> {
                 Err(error) => errors.push(error),
             }
         }
+        if inertia.is_some() {
+            self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
+        }
         self.from = to.load.clone();
+        self.time = to.time;
         self.step += 1;
-        let frame = Frame { time: to.time, load: to.load.clone(), x: self.x.clone(), islands };
+        let frame =
+            Frame { time: to.time, load: to.load.clone(), x: self.x.clone(), v: self.v.clone(), islands };
         Advanced { frame, errors, iterations }
     }
 }

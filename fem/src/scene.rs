@@ -30,6 +30,8 @@ pub struct Scene {
     pub strands: Vec<StrandSpec>,
     /// Gravity; absent: weightless.
     pub gravity: Option<GravitySpec>,
+    /// Inertia; absent: every frame is an equilibrium.
+    pub inertia: Option<InertiaSpec>,
     /// Follower pressures.
     pub pressures: Vec<PressureSpec>,
     /// Dead nodal forces.
@@ -55,7 +57,7 @@ pub struct SolidSpec {
     /// `mean_dilatation` (default of hexahedra) or `plain` (default of tetrahedra and wedges).
     #[serde(default)]
     pub formulation: Option<FormulationSpec>,
-    /// Density \[kg/m³\], for gravity.
+    /// Density \[kg/m³\], for gravity and inertia.
     #[serde(default = "soft_tissue_density")]
     pub density: f64,
     /// Factor on the energy density of each cell (tissue that passes into tendon, say), one per cell; empty: 1 everywhere.
@@ -266,6 +268,26 @@ pub struct GravitySpec {
     pub acceleration: [f64; 3],
     /// Control that scales it.
     pub control: String,
+}
+
+/// Inertia of all solids, by backward Euler from frame to frame: see [`crate::effect::TimeStep`]. The drive starts at time 0, and its
+/// times are seconds. Surfaces then never pass through each other, not even on the way to a first guess.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct InertiaSpec {
+    /// Solids that move at the start.
+    #[serde(default)]
+    pub velocities: Vec<VelocitySpec>,
+}
+
+/// How fast a solid is at the start.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct VelocitySpec {
+    /// Its block of cells.
+    pub region: String,
+    /// Velocity \[m/s\] of all its nodes.
+    pub velocity: [f64; 3],
 }
 
 /// Pressure that stays normal to a surface.

@@ -5,6 +5,7 @@
 #![allow(non_snake_case)]
 
 pub mod chain;
+pub mod inertia;
 pub mod line;
 pub mod load;
 pub mod membrane;
@@ -12,6 +13,7 @@ pub mod pressure;
 pub mod solid;
 
 pub use chain::Chains;
+pub use inertia::TimeStep;
 pub use line::Lines;
 pub use load::DeadLoad;
 pub use membrane::Membrane;

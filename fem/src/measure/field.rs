@@ -18,7 +18,7 @@ pub fn energies(plan: &Plan, at: Snapshot) -> Vec<EffectEnergy> {
     let mut all: Vec<EffectEnergy> =
         plan.effects.iter().map(|(name, _)| EffectEnergy { name: name.clone(), energy: 0.0 }).collect();
     for island in &plan.islands {
-        let x = at.gather(&island.nodes);
+        let x = island.gather(at.x);
         let s = State { x: &x, controls: &at.load.controls };
         for effect in &island.effects {
             let entry = all.iter_mut().find(|e| e.name == effect.name()).expect("effect of the plan");
@@ -26,6 +26,12 @@ pub fn energies(plan: &Plan, at: Snapshot) -> Vec<EffectEnergy> {
         }
     }
     all
+}
+
+/// Kinetic energy \[J\] of all solids at the velocities `v` \[m/s\] of a frame; 0 without inertia.
+pub fn kinetic_energy(plan: &Plan, v: &[f64]) -> f64 {
+    let masses = plan.inertia.iter().flat_map(|inertia| &inertia.masses);
+    masses.zip(v.chunks_exact(3)).map(|(m, v)| 0.5 * m * v.iter().map(|v| v * v).sum::<f64>()).sum()
 }
 
 /// One cell of a solid region.
@@ -90,7 +96,7 @@ fn states<T>(
 ) -> Vec<T> {
     let mut found = Vec::new();
     for island in &plan.islands {
-        let x = at.gather(&island.nodes);
+        let x = island.gather(at.x);
         let s = State { x: &x, controls: &at.load.controls };
         for (effect, cells) in island.effects.iter().zip(&island.cells).filter(|(e, _)| e.name() == name) {
             for (group, &cell) in cells.iter().enumerate() {

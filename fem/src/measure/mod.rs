@@ -3,7 +3,9 @@
 mod field;
 mod section;
 
-pub use field::{EffectEnergy, FibreState, SolidField, energies, fibre_states, solid_field, volume};
+pub use field::{
+    EffectEnergy, FibreState, SolidField, energies, fibre_states, kinetic_energy, solid_field, volume,
+};
 pub use section::{Cut, SectionForce, section_force};
 
 pub use crate::contact::PairForce;
@@ -21,20 +23,21 @@ pub struct Snapshot<'a> {
     pub load: &'a Load,
 }
 
-impl Snapshot<'_> {
-    /// Positions of some nodes.
-    fn gather(&self, nodes: &[u32]) -> Vec<f64> {
-        nodes.iter().flat_map(|&n| self.x[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
-    }
-}
-
 /// Contact of every pair of surfaces within reach of each other; moments about `about` \[m\].
 pub fn pair_forces(plan: &Plan, at: Snapshot, about: [f64; 3]) -> Vec<PairForce> {
     let of = |island: &std::sync::Arc<crate::plan::Island>| {
         let contact = island.contact.as_ref()?;
-        Some(contact.pair_forces(&at.gather(&island.nodes), about))
+        Some(contact.pair_forces(&island.gather(at.x), about))
     };
     plan.islands.iter().filter_map(of).flatten().collect()
+}
+
+/// Energy \[J\] of contact; 0 where there is none.
+pub fn contact_energy(plan: &Plan, at: Snapshot) -> f64 {
+    let of = |island: &std::sync::Arc<crate::plan::Island>| {
+        island.contact.as_ref().map(|contact| contact.energy(&island.gather(at.x), 0.0))
+    };
+    plan.islands.iter().filter_map(of).sum()
 }
 
 /// Contact force per reference area \[Pa\] at the nodes of a contact surface: (node of the mesh, vector); empty for a surface
@@ -44,7 +47,7 @@ pub fn contact_tractions(plan: &Plan, at: Snapshot, surface: &str) -> Vec<(u32, 
     for island in &plan.islands {
         let Some(contact) = &island.contact else { continue };
         let Some(index) = contact.surface(surface) else { continue };
-        for (node, t) in contact.pressures(index, &at.gather(&island.nodes)) {
+        for (node, t) in contact.pressures(index, &island.gather(at.x)) {
             let sum = all.entry(island.nodes[node as usize]).or_default();
             (0..3).for_each(|c| sum[c] += t[c]);
         }
@@ -57,7 +60,7 @@ pub fn collision_surfaces(plan: &Plan, at: Snapshot) -> Vec<(String, crate::geom
     let mut all = std::collections::BTreeMap::new();
     for island in &plan.islands {
         let Some(contact) = &island.contact else { continue };
-        let x = at.gather(&island.nodes);
+        let x = island.gather(at.x);
         for (index, surface) in contact.surfaces.list.iter().enumerate() {
             all.entry(surface.name.clone()).or_insert_with(|| contact.triangles(index, &x));
         }
@@ -72,18 +75,18 @@ pub fn intersections(plan: &Plan, at: Snapshot) -> Vec<([String; 2], usize)> {
     for island in &plan.islands {
         let Some(contact) = &island.contact else { continue };
         let name = |s: usize| contact.surfaces.list[s].name.clone();
-        let met = contact.intersections(&at.gather(&island.nodes));
+        let met = contact.intersections(&island.gather(at.x));
         found.extend(met.into_iter().map(|(pair, n)| (pair.map(name), n)));
     }
     found
 }
 
 /// ∂Π/∂x \[N\] of all nodes of the mesh, 3 per node: zero at free nodes in equilibrium, the force of the support where
-/// a component is prescribed.
+/// a component is prescribed. Inertia is left out: in motion it is what is left at free nodes.
 pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {
     let mut total = vec![0.0; at.x.len()];
     for island in &plan.islands {
-        let x = at.gather(&island.nodes);
+        let x = island.gather(at.x);
         let s = State { x: &x, controls: &at.load.controls };
         let effects = (0..island.effects.len()).map(|e| island.effect_gradient(e, &s));
         for g in effects.chain(island.contact_gradient(&x)) {

@@ -57,7 +57,7 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
     let (mut behind, mut ahead) = (vec![false; n], vec![false; n]);
     let mut forces = BTreeMap::<Part, Vec<f64>>::new();
     for island in &plan.islands {
-        let x = at.gather(&island.nodes);
+        let x = island.gather(at.x);
         let s = State { x: &x, controls: &at.load.controls };
         for effect in island.effects.iter().filter(|e| e.part() != Part::Load && chosen(e.name())) {
             let g = forces.entry(effect.part()).or_insert_with(|| vec![0.0; 3 * n]);

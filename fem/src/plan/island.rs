@@ -6,7 +6,7 @@
 use super::flow::Flow;
 use crate::body::{Pose, interpolate};
 use crate::contact::Contact;
-use crate::effect::{Effect, NO_NODE, Part, State};
+use crate::effect::{Effect, NO_NODE, Part, State, TimeStep};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -229,6 +229,11 @@ impl Island {
         self.fixed.iter().filter(|f| !**f).count()
     }
 
+    /// Components of its nodes out of those of all nodes of the mesh, 3 per node.
+    pub fn gather(&self, all: &[f64]) -> Vec<f64> {
+        self.nodes.iter().flat_map(|&n| all[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
+    }
+
     /// Positions \[m\] of the free nodes out of those of all local nodes.
     pub fn free_positions(&self, x: &[f64]) -> Vec<f64> {
         self.free_nodes.iter().flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
@@ -342,6 +347,8 @@ pub struct LoadedIsland {
     x: Vec<f64>,
     /// Share of the activation distance below which contact is softened; 0: nowhere.
     floor: f64,
+    /// Inertia over the time step that the load takes; absent: equilibrium is sought.
+    inertia: Option<TimeStep>,
     /// Time spent in contact \[ns\].
     in_contact: AtomicU64,
 }
@@ -351,7 +358,18 @@ impl LoadedIsland {
     pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
         let mut x = island.X.clone();
         island.prescribe(&start, &mut x);
-        LoadedIsland { island, load: start.clone(), start, end, x, floor: 0.0, in_contact: AtomicU64::new(0) }
+        let (load, in_contact) = (start.clone(), AtomicU64::new(0));
+        LoadedIsland { island, load, start, end, x, floor: 0.0, inertia: None, in_contact }
+    }
+
+    /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
+    /// local node.
+    pub fn over(mut self, h: f64, masses: &[f64], x: &[f64], v: &[f64]) -> LoadedIsland {
+        let moves = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
+        let mass = masses.iter().zip(&self.island.motion);
+        let mass = mass.flat_map(|(&m, motion)| motion.map(|c| if moves(&c) { m } else { 0.0 })).collect();
+        self.inertia = Some(TimeStep::new(h, mass, x.to_vec(), v));
+        self
     }
 
     /// What `of` says of the contact of the island, where it has one; its time counts as that of contact.
@@ -366,6 +384,15 @@ impl LoadedIsland {
     /// ∂Π/∂x of contact \[N\] over all local nodes.
     fn contact_gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
         self.contact(|_| self.island.soft_contact_gradient(x, self.floor)).flatten()
+    }
+
+    /// ∂Π/∂x of inertia \[N\] over all local nodes.
+    fn inertia_gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
+        self.inertia.as_ref().map(|inertia| {
+            let mut g = vec![0.0; x.len()];
+            inertia.add_gradient(x, &mut g);
+            g
+        })
     }
 
     /// Positions \[m\] of all local nodes.
@@ -396,7 +423,9 @@ impl Potential for LoadedIsland {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         let energy: f64 = self.island.effects.iter().map(|e| e.energy(&s)).sum();
-        energy + self.contact(|contact| contact.energy(&x, self.floor)).unwrap_or(0.0)
+        energy
+            + self.contact(|contact| contact.energy(&x, self.floor)).unwrap_or(0.0)
+            + self.inertia.as_ref().map_or(0.0, |inertia| inertia.energy(&x))
     }
 
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
@@ -426,7 +455,7 @@ impl Potential for LoadedIsland {
                 }
             }
         }
-        if let Some(forces) = self.contact_gradient(&x) {
+        for forces in [self.contact_gradient(&x), self.inertia_gradient(&x)].into_iter().flatten() {
             for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
                 if let Some((free, c)) = island.unknown((i / 3) as u32, i % 3) {
                     g[3 * free as usize + c] += force;
@@ -479,10 +508,19 @@ impl Potential for LoadedIsland {
         if let Some(blocks) = self.contact(|contact| contact.hessian(&x, self.floor, convexity)) {
             k.couple(&island.onto_unknowns(blocks));
         }
+        for (i, stiffness) in self.inertia.iter().flat_map(|i| i.stiffness()).enumerate() {
+            if *stiffness > 0.0
+                && let Some((free, c)) = island.unknown((i / 3) as u32, i % 3)
+            {
+                let mut block = [0.0; 9];
+                block[4 * c] = *stiffness;
+                k.add_block(free as usize, free as usize, &block);
+            }
+        }
     }
 
-    /// The largest of the reactions of what is prescribed, the forces of any single load, fibre or membrane effect, and
-    /// those of a strain of one millionth.
+    /// The largest of the reactions of what is prescribed, the forces of any single load, fibre or membrane effect, of contact and of
+    /// inertia, and those of a strain of one millionth.
     fn force_scale(&self, x: &[f64]) -> f64 {
         let island = &self.island;
         let x = self.expand(x);
@@ -500,6 +538,9 @@ impl Potential for LoadedIsland {
         if let Some(g) = self.contact_gradient(&x) {
             scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
+        }
+        if let Some(inertia) = &self.inertia {
+            scale = scale.max(inertia.scale());
         }
         for (n, motion) in island.motion.iter().enumerate() {
             for c in 0..3 {
@@ -580,6 +621,9 @@ impl LoadedIsland {
 impl Loading for LoadedIsland {
     fn set_load(&mut self, t: f64, x: &mut [f64]) {
         self.load = self.load_at(t);
+        if let Some(inertia) = &mut self.inertia {
+            inertia.set(t);
+        }
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
         self.island.take_free(&full, x);
@@ -593,14 +637,16 @@ impl Loading for LoadedIsland {
     }
 
     fn n_pieces(&self, t: f64) -> usize {
-        match self.displaces(t) {
+        // What flies is not dragged along.
+        match self.displaces(t) && self.inertia.is_none() {
             false => 0,
             true => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
         }
     }
 
     fn soften(&mut self, floor: f64) -> bool {
-        let can = self.island.contact.as_ref().is_some_and(Contact::can_soften);
+        // With inertia what was passed through on the way would be a tunnel.
+        let can = self.inertia.is_none() && self.island.contact.as_ref().is_some_and(Contact::can_soften);
         self.floor = if can { floor } else { 0.0 };
         can
     }

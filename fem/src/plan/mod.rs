@@ -7,6 +7,7 @@ mod contact;
 mod embed;
 mod error;
 pub mod flow;
+mod inertia;
 mod island;
 mod lines;
 mod motion;
@@ -16,6 +17,7 @@ mod term;
 
 pub use contact::Repair;
 pub use error::SceneError;
+pub use inertia::Inertia;
 pub use island::{Island, Load, LoadedIsland, Motion};
 pub use solids::Weights;
 
@@ -43,6 +45,8 @@ pub struct Plan {
     pub motion: Vec<[Motion; 3]>,
     /// Weight of every solid cell, for cuts; empty without gravity.
     pub weights: Vec<Weights>,
+    /// Masses and first velocities; absent: every frame is an equilibrium.
+    pub inertia: Option<Inertia>,
     /// Name and number of groups (elements, segments, loaded nodes) of each effect.
     pub effects: Vec<(String, usize)>,
     /// What was changed in the mesh so that no surfaces touch at the start.
@@ -59,13 +63,15 @@ impl Plan {
         let (contact, repair) = contact(scene, &mut mesh)?;
         let weights = weights(scene, &mesh, &mut names)?;
         let terms = terms(scene, &mesh, &weights, &mut names)?;
+        let inertia = inertia::inertia(scene, &mesh)?;
         let motion = motion::motions(scene, &mesh, &mut names)?;
         surfaces::check_rims(scene, &mesh, &motion)?;
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
         let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
-        Ok(Plan { mesh, controls, bodies, islands, motion, weights, effects, repair, absent: absent(scene) })
+        let absent = absent(scene);
+        Ok(Plan { mesh, controls, bodies, islands, motion, weights, inertia, effects, repair, absent })
     }
 
     /// Compiles a scene file over the mesh that it names.
@@ -131,6 +137,7 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
         ("membranes", scene.membranes.is_empty()),
         ("strands", scene.strands.is_empty()),
         ("gravity", scene.gravity.is_none()),
+        ("inertia", scene.inertia.is_none()),
         ("pressures", scene.pressures.is_empty()),
         ("forces", scene.forces.is_empty()),
         ("contact", scene.contact.is_none()),

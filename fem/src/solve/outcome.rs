@@ -118,6 +118,18 @@ pub enum SolveError {
         /// What can move, and how.
         parts: Vec<FreePart>,
     },
+    /// Inertia needs time.
+    #[error(
+        "step {step}: no time passes from {from} s to {to} s, and inertia needs some; times of the drive must increase from 0 on"
+    )]
+    NoTime {
+        /// Step of the run.
+        step: usize,
+        /// Time before \[s\].
+        from: f64,
+        /// Time of the frame \[s\].
+        to: f64,
+    },
     /// The load could not be carried to its end.
     #[error("{0}")]
     NotConverged(Box<NotConverged>),

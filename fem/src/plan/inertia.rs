@@ -1,0 +1,45 @@
+//! Inertia of a scene: masses of the nodes, and how fast they are at the start.
+
+use super::SceneError;
+use super::error::nearest;
+use super::solids;
+use super::term::check;
+use crate::mesh::Mesh;
+use crate::scene::{InertiaSpec, Scene};
+
+/// Masses and first velocities of the whole mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inertia {
+    /// Mass of each node \[kg\], lumped.
+    pub masses: Vec<f64>,
+    /// Velocities at the start \[m/s\], 3 per node.
+    pub velocities: Vec<f64>,
+}
+
+/// The inertia of a scene; `None` where it does not call for it.
+pub fn inertia(scene: &Scene, mesh: &Mesh) -> Result<Option<Inertia>, SceneError> {
+    let Some(InertiaSpec { velocities: given }) = &scene.inertia else { return Ok(None) };
+    let mut masses = vec![0.0; mesh.points.len()];
+    for spec in &scene.solids {
+        for (node, mass) in solids::masses(spec, mesh)? {
+            masses[node as usize] += mass;
+        }
+    }
+    let mut velocities = vec![0.0; 3 * mesh.points.len()];
+    for spec in given {
+        let user = format!("velocity of `{}`", spec.region);
+        spec.velocity.iter().try_for_each(|v| check(&user, "velocity [m/s]", *v, true, "a finite number"))?;
+        let known = || scene.solids.iter().map(|s| s.region.as_str());
+        let block = mesh.blocks.iter().find(|b| b.name == spec.region && known().any(|k| k == b.name));
+        let block = block.ok_or_else(|| SceneError::Unknown {
+            user: "inertia".to_string(),
+            what: "solid",
+            name: spec.region.clone(),
+            nearest: nearest(&spec.region, known()),
+        })?;
+        for &n in &block.nodes {
+            velocities[3 * n as usize..3 * n as usize + 3].copy_from_slice(&spec.velocity);
+        }
+    }
+    Ok(Some(Inertia { masses, velocities }))
+}
