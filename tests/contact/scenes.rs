@@ -565,3 +565,43 @@ fn a_punch_out_of_reach_does_not_jump_into_a_block() {
     println!("{force} N");
     assert!(force > 1.0, "the punch presses the block: {force} N");
 }
+
+/// Both flanks of a notch share the nodes of its valley; closed like a book they press on each other and do not pass through.
+#[test]
+fn flanks_of_a_notch_do_not_pass_through_each_other() {
+    let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
+    // 20 mm wide, 12 mm high at the sides and 4 mm in the valley.
+    let body = generate::mapped([2, 2, 3], |s| {
+        let x = 2.0 * s[0] - 1.0;
+        [0.01 * x, 0.01 * s[1], s[2] * (4e-3 + 8e-3 * x.abs())]
+    });
+    add(&mut scene, &mut mesh, "book", body, [0.0; 3], mooney_rivlin());
+    for (set, body) in [("book_x_min", "left"), ("book_x_max", "right")] {
+        let low = |n: &u32| mesh.points[*n as usize][2] < 9e-3;
+        let covers: Vec<u32> = mesh.node_sets[set].iter().copied().filter(low).collect();
+        mesh.node_sets.insert(body.into(), covers);
+        scene.ties.push(TieSpec { nodes: body.into(), body: body.into() });
+    }
+    let itself = ["book_block".to_string(), "book_block".to_string()];
+    scene.contact = Some(ContactSpec { pairs: vec![itself], ..ContactSpec::new(&["book_block"]) });
+    let plan = plan(&scene, &mesh);
+    // The flanks stand 51 degrees from upright; each side is turned 55 degrees about the valley.
+    let turn = |angle: f64| {
+        let turn =
+            nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::y_axis(), angle.to_radians());
+        let valley = nalgebra::Vector3::new(0.0, 0.0, 4e-3);
+        Pose::from_parts((valley - turn * valley).into(), turn)
+    };
+    let drive = ramp(&plan, &[], &[("left", turn(55.0)), ("right", turn(-55.0))], 4);
+    let out = run(&plan, &drive, &Settings::default(), None, &mut |_| {});
+    assert!(out.is_solved(), "{}", out.errors[0]);
+    for frame in &out.frames {
+        let (_, surface) = &fem::measure::collision_surfaces(&plan, frame.snapshot())[0];
+        let pairs = fem::geometry::SearchSurface::new(surface.clone()).self_intersections();
+        assert!(pairs.is_empty(), "at {}: {} pairs of triangles intersect", frame.time, pairs.len());
+        let found = fem::measure::intersections(&plan, frame.snapshot());
+        assert!(found.is_empty(), "at {}: {found:?}", frame.time);
+    }
+    let distance = pair_forces(&plan, out.last().expect("solved").snapshot(), [0.0; 3])[0].least_distance;
+    assert!(distance > 0.0 && distance < 1.5e-4, "the flanks meet: {distance} m");
+}

@@ -23,7 +23,7 @@ pub struct Partners {
 
 impl Partners {
     /// Whether a pair of primitives counts: something of it can move, no point of one is tied to what the other's surface moves with, its
-    /// surfaces take notice of each other there, and it has no node in common.
+    /// surfaces take notice of each other there, and its points are no neighbours ([`Surfaces::related`]).
     pub fn counts(&self, all: &Surfaces, a: &[u32], b: &[u32]) -> bool {
         let carrier = |p: u32| self.carrier[p as usize];
         if a.iter().chain(b).all(|&p| carrier(p).is_some()) {

@@ -112,6 +112,8 @@ pub struct Surfaces {
     pub areas: Vec<f64>,
     /// Surface of each collision point.
     pub surface_of: Vec<u32>,
+    /// Corners of triangles between which each collision point lies: itself, the ends of an edge, or three; repeated to fill up.
+    pub corners_of: Vec<[u32; 3]>,
     /// Corners of the triangles.
     pub triangles: Vec<[u32; 3]>,
     /// Samples of the triangles, those on edges and corners included.
@@ -168,6 +170,7 @@ impl Surfaces {
             }
         }
         self.areas.resize(self.points.len(), 0.0);
+        self.corners_of.extend((first_point as u32..self.points.len() as u32).map(|p| [p; 3]));
         let first_edge = self.edges.len();
         self.find_edges(first_triangle, X);
         self.divide(first_triangle, input.spacing, X);
@@ -272,8 +275,9 @@ impl Surfaces {
         let parts: [(Blend, f64); 3] =
             std::array::from_fn(|c| (self.points[corners[c] as usize], at[c] as f64 / n as f64));
         let parts: Vec<_> = parts.into_iter().filter(|(_, share)| *share > 0.0).collect();
-        let mut push = || {
+        let mut push = |between: [u32; 3]| {
             self.points.push(Blend::mix(&parts));
+            self.corners_of.push(between);
             self.points.len() as u32 - 1
         };
         match (0..3).find(|&e| at[3 - EDGES[e][0] - EDGES[e][1]] == 0) {
@@ -282,9 +286,9 @@ impl Surfaces {
                 // Counted from the lesser end, so that both triangles name it alike.
                 let along = if corners[i] < corners[j] { at[j] } else { at[i] };
                 let key = (self.triangle_edges[t][e], along, n);
-                *on_edge.entry(key).or_insert_with(push)
+                *on_edge.entry(key).or_insert_with(|| push([corners[i], corners[j], corners[j]]))
             }
-            None => push(),
+            None => push(corners),
         }
     }
 
@@ -319,8 +323,13 @@ impl Surfaces {
         self.surface_of[point as usize] as usize
     }
 
-    /// Whether two collision points share a node.
+    /// Whether two collision points are neighbours for good: on one surface those that have a corner of a triangle in common (not those
+    /// of faces that share a node: they can be folded onto each other), on two those that share a node.
     pub fn related(&self, p: u32, q: u32) -> bool {
+        if self.surface_of[p as usize] == self.surface_of[q as usize] {
+            let [mine, theirs] = [p, q].map(|p| &self.corners_of[p as usize]);
+            return mine.iter().any(|c| theirs.contains(c));
+        }
         let (p, q) = (&self.points[p as usize], &self.points[q as usize]);
         p.nodes[..p.n].iter().any(|n| q.nodes[..q.n].contains(n))
     }
