@@ -107,6 +107,49 @@ fn the_barrier_is_twice_differentiable_and_infinite_at_contact() {
     assert!(barrier(0.0)[0].is_infinite() && barrier(-1.0)[0].is_infinite() && barrier(1e-12)[0] > 27.0);
 }
 
+/// The Hessian without (part of) its negative curvatures is the same on the few directions that it is made of as on all twelve.
+#[test]
+fn hessians_are_lifted_on_the_directions_that_they_are_made_of() {
+    let mut random = Random::new(6);
+    type Find = fn(&Points) -> Closest;
+    let kinds: [(Find, bool); 4] =
+        [(point_point, false), (point_edge, false), (point_triangle, false), (edge_edge, true)];
+    let mut changed = [0; 4];
+    for (kind, (find, edges)) in kinds.into_iter().enumerate() {
+        for sample in 0..400 {
+            let mut x: Points = std::array::from_fn(|_| random.vector(1.0));
+            match sample % 8 {
+                // Nearly parallel edges, and a point close to a triangle.
+                1 => x[3] = x[2] + (x[1] - x[0]) + random.vector(0.01),
+                2 => x[0] = x[1] * 0.3 + x[2] * 0.3 + x[3] * 0.4 + random.vector(1e-6),
+                _ => {}
+            }
+            let closest = find(&x);
+            let d = closest.squared().sqrt();
+            let law = match sample % 3 {
+                0 => Law::Barrier(1.5 * d),
+                1 => Law::Soft { reach: 1.5 * d, floor: 0.2, side: -1.0 },
+                _ => Law::Spring,
+            };
+            // Features that are counted once too often have a negative scale.
+            let scale = if sample % 5 == 0 { -3.0 } else { 3.0 };
+            let term = Stencil { law, scale, ..stencil(closest, &x, 1.5 * d, edges) };
+            let share = [1.0, 0.25][sample % 2];
+            let mut expected = term.hessian(&x);
+            let largest = expected.as_flattened().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            changed[kind] += usize::from(fem::element::psd::lift(&mut expected, share));
+            let lifted = term.lifted_hessian(&x, share);
+            for (a, b) in lifted.as_flattened().iter().zip(expected.as_flattened()) {
+                assert!(
+                    (a - b).abs() <= 1e-8 * largest,
+                    "kind {kind}, sample {sample}: {a} and {b} of {largest}"
+                );
+            }
+        }
+    }
+    assert!(changed.iter().all(|n| *n > 100), "{changed:?} of 400 were changed");
+}
+
 /// Gradient and Hessian of every kind of pair, mollified edges among them.
 #[test]
 fn gradient_and_hessian_of_every_kind_of_pair_are_derivatives() {

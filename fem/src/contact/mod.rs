@@ -377,10 +377,8 @@ impl Contact {
             .par_iter()
             .with_min_len(64)
             .map(|s| {
-                let mut H = s.hessian(&s.points.map(|i| p[i as usize]));
                 let share = if s.is_face() || convexity == 0.0 { convexity } else { 1.0 };
-                crate::element::psd::lift(&mut H, share);
-                H
+                s.lifted_hessian(&s.points.map(|i| p[i as usize]), share)
             })
             .collect();
         // Which (stencil, point) each node takes part in.

@@ -8,6 +8,7 @@
 
 use super::barrier::{barrier, softened};
 use super::closest::{Closest, Points, combine};
+use crate::element::psd::lift;
 use nalgebra::{Matrix3, Vector3};
 
 /// Rows of a 12 × 12 matrix over four points.
@@ -154,6 +155,72 @@ impl Stencil {
             }
         }
         H
+    }
+
+    /// The Hessian \[N/m\] less the share `share` of its negative curvatures.
+    ///
+    /// But for the mollifier it is made of cᵢ n, ∂ₖcᵢ n and cᵢ t alone, n along the connection and t across it: at most five directions out
+    /// of twelve, and the eigenvalues of a matrix over these.
+    pub fn lifted_hessian(&self, x: &Points, share: f64) -> Matrix12 {
+        let mut H = self.hessian(x);
+        let d = self.distance();
+        let mollified = self.edges > 0.0 && self.mollifier(x).0[1] != 0.0;
+        if share == 0.0 || mollified || !(d > 0.0) {
+            lift(&mut H, share);
+            return H;
+        }
+        let directions = self.directions();
+        let row = |b: &[f64; 12]| -> [f64; 12] {
+            std::array::from_fn(|j| H.iter().zip(b).map(|(row, b)| row[j] * b).sum())
+        };
+        let dot = |a: &[f64; 12], b: &[f64; 12]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let rows = directions.each_ref().map(row);
+        let small: [[f64; 5]; 5] = rows.each_ref().map(|r| directions.each_ref().map(|b| dot(r, b)));
+        let mut change = small;
+        if !lift(&mut change, share) {
+            return H;
+        }
+        for (change, small) in change.as_flattened_mut().iter_mut().zip(small.as_flattened()) {
+            *change -= small;
+        }
+        for (b, change) in directions.iter().zip(&change) {
+            let across: [f64; 12] =
+                std::array::from_fn(|j| directions.iter().zip(change).map(|(b, m)| b[j] * m).sum());
+            for (row, b) in H.iter_mut().zip(b) {
+                row.iter_mut().zip(&across).for_each(|(h, a)| *h += b * a);
+            }
+        }
+        H
+    }
+
+    /// Orthonormal directions of the four points that the Hessian is made of, the rest zero.
+    fn directions(&self) -> [[f64; 12]; 5] {
+        let n = self.closest.w.normalize();
+        // Any two tangents.
+        let aside = Vector3::ith(n.iamin(), 1.0);
+        let t = n.cross(&aside).normalize();
+        let along = |weights: &[f64; 4], v: &Vector3<f64>| -> [f64; 12] {
+            std::array::from_fn(|i| weights[i / 3] * v[i % 3])
+        };
+        // Gram-Schmidt, twice, as c and ∂c may lie close to each other.
+        let mut weights: [[f64; 4]; 3] = [self.closest.c, self.closest.dc[0], self.closest.dc[1]];
+        for k in 0..3 {
+            if k > self.closest.n_free {
+                weights[k] = [0.0; 4];
+                continue;
+            }
+            for _ in 0..2 {
+                for j in 0..k {
+                    let other = weights[j];
+                    let dot: f64 = weights[k].iter().zip(&other).map(|(a, b)| a * b).sum();
+                    weights[k].iter_mut().zip(&other).for_each(|(w, o)| *w -= dot * o);
+                }
+            }
+            let norm = weights[k].iter().map(|w| w * w).sum::<f64>().sqrt();
+            weights[k] = weights[k].map(|w| w / norm);
+        }
+        let [c, first, second] = &weights;
+        [along(c, &n), along(first, &n), along(second, &n), along(c, &t), along(c, &n.cross(&t))]
     }
 
     /// Mollifier of nearly parallel edges with its derivatives with respect to |u × v|²: 1 where they cross or are none.
