@@ -290,9 +290,10 @@ fn peak_cheap() -> Outcome {
     peaks(&CHEAP)
 }
 
-/// Two equal cylinders in plane strain with cells of different size, judged by the force that they bear.
+/// Two equal cylinders in plane strain with cells of different size, judged by the force that they bear. Loads are small, as Hertz has it:
+/// at a half width of a tenth of the radius strain is finite, and the peak 3.8 % high per current and 1.2 % per reference area.
 fn cylinders(way: &Way) -> Outcome {
-    let (slice, edges) = (0.2e-3, [0.1e-3, 0.13e-3]);
+    let (slice, edges) = (0.2e-3, [0.05e-3, 0.065e-3]);
     let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
     for (name, edge, below) in [("upper", edges[0], false), ("lower", edges[1], true)] {
         let across = graded(edge / RADIUS * 2f64.sqrt(), (1.4e-3 / edge).ceil() as usize, 10);
@@ -316,7 +317,7 @@ fn cylinders(way: &Way) -> Outcome {
     scene.prescribed.push(moved("upper_z_max", [true; 3], [0.0, 0.0, -1.0], "down"));
     scene.contact = Some(way.spec(&["upper_z_min", "lower_z_max"]));
     let plan = Plan::new(&scene, mesh).map_err(|e| e.to_string())?;
-    let drive = ramp(&plan, &[("down", 0.28e-3)], &[], 2);
+    let drive = ramp(&plan, &[("down", 0.12e-3)], &[], 2);
     let (mut rows, mut holds) = (Vec::new(), true);
     for frame in way.frames(&plan, &drive)? {
         let pair = &pair_forces(&plan, frame.snapshot(), [0.0; 3])[0];

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 mod blocks;
 mod contact;
+mod dynamics;
 mod elements;
 mod equilibrium;
 mod hertz;
@@ -48,6 +49,7 @@ fn main() {
         blocks::CASES,
         hertz::CASES,
         sweeps::CASES,
+        dynamics::CASES,
         equilibrium::CASES,
         incompressible::CASES,
         rigid::CASES,
