@@ -29,7 +29,7 @@ impl Drive {
     }
 }
 
-/// Equilibrium at one frame, or the last good state before it.
+/// Equilibrium at one frame (with inertia: where it takes the nodes by then), or the last good state before it.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Time \[s\] as in the drive.
@@ -38,7 +38,7 @@ pub struct Frame {
     pub load: Load,
     /// Positions of all nodes \[m\], 3 per node. Where an island failed its nodes are at its last good state.
     pub x: Vec<f64>,
-    /// Velocities of all nodes \[m/s\], 3 per node; empty without inertia.
+    /// Velocities of all nodes \[m/s\], 3 per node; empty without inertia. Those of the frame before where one was not solved.
     pub v: Vec<f64>,
     /// What the solver did, per island.
     pub islands: Vec<Advance>,
@@ -129,7 +129,10 @@ impl<'a> Session<'a> {
 
     /// Starts at a solved frame, the `step`-th of its run, with new solvers: what they do does not depend on how the frame was reached.
     pub fn from_frame(plan: &'a Plan, settings: &Settings, frame: &Frame, step: usize) -> Session<'a> {
-        let (from, v, time) = (frame.load.clone(), frame.v.clone(), frame.time);
+        let (from, time) = (frame.load.clone(), frame.time);
+        // A frame without velocities is at rest.
+        let mut v = frame.v.clone();
+        v.resize(plan.inertia.as_ref().map_or(0, |i| i.velocities.len()), 0.0);
         Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x)) }
     }
 
@@ -180,7 +183,7 @@ impl<'a> Session<'a> {
                 Err(error) => errors.push(error),
             }
         }
-        if inertia.is_some() {
+        if inertia.is_some() && errors.is_empty() {
             self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
         }
         self.from = to.load.clone();

@@ -1,7 +1,7 @@
 //! Cases in time, with inertia: C4 (fast thin bodies), C6 (mass ratio, for 10 s), T1 (large time steps), T2 (quasi-static by dynamics).
 
 use crate::{Case, Outcome, Tier};
-use fem::measure::{contact_energy, energies, kinetic_energy, support_wrench};
+use fem::measure::{contact_energy, energies, kinetic_energy, pair_forces, support_wrench};
 use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
 use fem::run::{Drive, DriveFrame, Frame};
@@ -83,12 +83,15 @@ fn fast_sheet() -> Outcome {
         }
         deepest = deepest.max(middle - 0.02);
     }
-    let v = out.last().expect("solved").v.iter().skip(2).step_by(3).copied().fold(f64::MAX, f64::min);
-    Ok(format!(
-        "target dented by {:.1} mm and never passed; thrown back at up to {:.1} m/s",
-        1e3 * deepest,
-        -v
-    ))
+    let nodes = &plan.mesh.blocks.iter().find(|b| b.name == "flyer_block").expect("a block").nodes;
+    let v = &out.last().expect("solved").v;
+    let back = -nodes.iter().map(|&n| v[3 * n as usize + 2]).sum::<f64>() / nodes.len() as f64;
+    let text = format!(
+        "target dented by {:.1} mm and never passed; the flyer comes back at {back:.1} m/s",
+        1e3 * deepest
+    );
+    // Deeper than it is thick, or they never met; slower than it came.
+    if deepest > 1e-3 && (0.0..50.0).contains(&back) { Ok(text) } else { Err(text) }
 }
 
 /// A heavy block falls onto a wider light one that falls onto the ground, all free but for contact, under a weight of 1 kPa. (As wide
@@ -120,14 +123,16 @@ fn stack() -> Outcome {
         (0..3).map(|c| (b[c] - a[c]).powi(2)).sum::<f64>().sqrt()
     });
     let worst = drift[0].max(drift[1]) / 0.01;
-    let least = fem::measure::pair_forces(&plan, last.snapshot(), [0.0; 3])
-        .iter()
-        .map(|p| p.least_distance)
-        .fold(f64::MAX, f64::min);
+    let pairs = pair_forces(&plan, last.snapshot(), [0.0; 3]);
+    let (weight, mut off) = (0.1 * 1e6 * 0.014 * 0.014 * 0.01, 0.0_f64);
+    for pair in &pairs {
+        off = off.max((pair.wrench.force[2].abs() / weight - 1.0).abs());
+    }
     let text = format!(
-        "no penetration (least gap {least:.1e} m); drift from 5 to 10 s {worst:.1e} of the thickness"
+        "no penetration; drift from 5 to 10 s {worst:.1e} of the thickness; {} contacts bear the weight of {weight:.3} N to {off:.1e}",
+        pairs.len()
     );
-    if worst < 1e-3 { Ok(text) } else { Err(text) }
+    if worst < 1e-3 && pairs.len() == 2 && off < 1e-3 { Ok(text) } else { Err(text) }
 }
 
 /// A beam held at one end, let go under five times its gravity; energy may not grow from step to step, and ends at equilibrium where

@@ -566,6 +566,10 @@ impl Potential for LoadedIsland {
         worst
     }
 
+    fn has_inertia(&self) -> bool {
+        self.inertia.is_some()
+    }
+
     fn touching(&self, x: &[f64]) -> Vec<f64> {
         match &self.island.contact {
             Some(_) => self.expand(x),

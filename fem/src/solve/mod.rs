@@ -67,6 +67,11 @@ pub trait Potential: Send + Sync {
     /// Least det F over all integration points, and where: e.g. ``element 17 in `vastus_lateralis` ``.
     fn least_det_f(&self, x: &[f64]) -> (f64, String);
 
+    /// Whether inertia resists what nothing else does, so that free bodies need no support.
+    fn has_inertia(&self) -> bool {
+        false
+    }
+
     /// Places \[m\] of all that may touch, at `x` and the present load; empty where nothing can.
     fn touching(&self, _x: &[f64]) -> Vec<f64> {
         Vec::new()

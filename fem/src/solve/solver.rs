@@ -154,7 +154,7 @@ impl Solver {
         Ok(run.report)
     }
 
-    /// Analyses a new pattern and refuses an island that can move freely, where nothing can touch that might hold it.
+    /// Analyses a new pattern and refuses an island that can move freely, where nothing can touch that might hold it and it has no inertia.
     fn prepare(&mut self, potential: &dyn Loading, x: &[f64]) -> Result<&mut Kept, SolveError> {
         let pattern = potential.pattern();
         if !self.kept.as_ref().is_some_and(|kept| Arc::ptr_eq(&kept.pattern, pattern)) {
@@ -162,7 +162,7 @@ impl Solver {
             let mut k = BlockMatrix::zeros(pattern.clone());
             potential.hessian(x, 0.0, &mut k);
             let parts = free_parts(&k, potential.fixed(), x);
-            if !parts.is_empty() && potential.touching(x).is_empty() {
+            if !parts.is_empty() && potential.touching(x).is_empty() && !potential.has_inertia() {
                 self.kept = None;
                 return Err(SolveError::Unsupported { island: self.name.clone(), parts });
             }
