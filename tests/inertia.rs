@@ -2,24 +2,22 @@
 
 #![allow(non_snake_case)]
 
-use fem::measure::{Snapshot, energies, kinetic_energy};
+use fem::measure::{Snapshot, kinetic_energy};
 use fem::mesh::{Mesh, generate};
 use fem::output::{Restart, run_restartable};
 use fem::plan::{LoadedIsland, Plan};
-use fem::run::{Drive, DriveFrame, Frame, Run, run};
+use fem::run::{Drive, Run, run};
 use fem::scene::{ContactSpec, GravitySpec, InertiaSpec, LawSpec, PlaneSpec, Scene, SolidSpec, VelocitySpec};
 use fem::solve::{BlockMatrix, Loading, Potential, Settings};
 use std::f64::consts::PI;
 use support::Random;
-use support::contact_scenes::{add, guarded};
+use support::contact_scenes::{add, block_mean, guarded, timed, total_energy};
 use support::fem_scenes::{held, mooney_rivlin, plan, tolerance};
 use support::taylor_order;
 
 /// Frames `h` \[s\] apart, all controls at 1.
 fn steps(plan: &Plan, h: f64, n: usize) -> Drive {
-    let controls: Vec<(&str, f64)> = plan.controls.iter().map(|c| (c.as_str(), 1.0)).collect();
-    let load = plan.load(&controls, &[]).expect("its own controls");
-    Drive { frames: (1..=n).map(|i| DriveFrame { time: h * i as f64, load: load.clone() }).collect() }
+    timed(plan, h, n, |_| plan.controls.iter().map(|c| (c.as_str(), 1.0)).collect())
 }
 
 fn solved(plan: &Plan, drive: &Drive, tolerance_: f64) -> Run {
@@ -32,15 +30,10 @@ fn moving(region: &str, velocity: [f64; 3]) -> InertiaSpec {
     InertiaSpec { velocities: vec![VelocitySpec { region: region.into(), velocity }] }
 }
 
-fn potential_energy(plan: &Plan, frame: &Frame) -> f64 {
-    let at = Snapshot { x: &frame.x, load: &frame.load };
-    energies(plan, at).iter().map(|e| e.energy).sum()
-}
-
-/// Mass and momentum \[kg m/s\] of all nodes.
-fn momentum(plan: &Plan, frame: &Frame) -> [f64; 3] {
+/// Momentum \[kg m/s\] of all nodes at the velocities `v`.
+fn momentum(plan: &Plan, v: &[f64]) -> [f64; 3] {
     let masses = &plan.inertia.as_ref().expect("asked for").masses;
-    std::array::from_fn(|c| masses.iter().enumerate().map(|(n, m)| m * frame.v[3 * n + c]).sum())
+    std::array::from_fn(|c| masses.iter().enumerate().map(|(n, m)| m * v[3 * n + c]).sum())
 }
 
 #[test]
@@ -199,31 +192,23 @@ fn a_collision_keeps_momentum_and_makes_no_energy() {
     let (scene, mesh) = collision();
     let plan = plan(&scene, &mesh);
     let out = guarded(&plan, &steps(&plan, 5e-4, 40), &tolerance(1e-8)).unwrap_or_else(|e| panic!("{e}"));
-    let first = momentum(
-        &plan,
-        &Frame { v: plan.inertia.as_ref().expect("asked for").velocities.clone(), ..out.frames[0].clone() },
-    );
-    let mut before = kinetic_energy(&plan, &plan.inertia.as_ref().expect("asked for").velocities);
+    let at_start = &plan.inertia.as_ref().expect("asked for").velocities;
+    let first = momentum(&plan, at_start);
+    let mut before = kinetic_energy(&plan, at_start);
     let all = before;
     let mut least = f64::MAX;
     for frame in &out.frames {
-        let now = momentum(&plan, frame);
+        let now = momentum(&plan, &frame.v);
         for c in 0..3 {
             assert!((now[c] - first[c]).abs() < 1e-6 * first[0], "momentum {now:?} for {first:?} kg m/s");
         }
-        let contact: f64 = fem::measure::contact_energy(&plan, frame.snapshot());
-        let kinetic = kinetic_energy(&plan, &frame.v);
-        least = least.min(kinetic);
-        let total = kinetic + potential_energy(&plan, frame) + contact;
+        least = least.min(kinetic_energy(&plan, &frame.v));
+        let total = total_energy(&plan, frame);
         assert!(total <= before * (1.0 + 1e-9), "energy {total} after {before} J at {} s", frame.time);
         before = total;
     }
     assert!(least < 0.3 * all, "they met: {least} of {all} J");
-    let speed = |region: &str| {
-        let nodes = &plan.mesh.blocks.iter().find(|b| b.name == region).expect("a block").nodes;
-        let v = &out.last().expect("solved").v;
-        nodes.iter().map(|&n| v[3 * n as usize]).sum::<f64>() / nodes.len() as f64
-    };
+    let speed = |region: &str| block_mean(&plan, region, &out.last().expect("solved").v)[0];
     assert!(speed("left_block") < speed("right_block"), "they part");
 }
 

@@ -136,8 +136,8 @@ impl<'a> Session<'a> {
         Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x)) }
     }
 
-    /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the session stays at the last good state of each
-    /// island and should not be used further.
+    /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the
+    /// session stays at the last good state of each island and should not be used further.
     pub fn advance(&mut self, to: &DriveFrame) -> Advanced {
         let (x, v, from, step) = (&self.x, &self.v, &self.from, self.step);
         let h = to.time - self.time;
@@ -148,7 +148,7 @@ impl<'a> Session<'a> {
                 Frame { time: to.time, load: from.clone(), x: x.clone(), v: v.clone(), islands: Vec::new() };
             return Advanced { frame, errors, iterations: Vec::new() };
         }
-        let before = x.clone();
+        let before = inertia.map(|_| x.clone());
         let jobs: Vec<_> = self.plan.islands.iter().zip(&mut self.solvers).collect();
         let results: Vec<_> = jobs
             .into_par_iter()
@@ -183,7 +183,7 @@ impl<'a> Session<'a> {
                 Err(error) => errors.push(error),
             }
         }
-        if inertia.is_some() && errors.is_empty() {
+        if let Some(before) = before.filter(|_| errors.is_empty()) {
             self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
         }
         self.from = to.load.clone();

@@ -271,8 +271,8 @@ pub struct GravitySpec {
 }
 
 /// Inertia of all solids, by backward Euler from frame to frame: see [`crate::effect::TimeStep`]. The drive starts at time 0, and its
-/// times are seconds. Surfaces then never pass through each other, not even on the way to a first guess. Among
-/// the forces in play, to which the wanted residual is relative, are those that would stop everything within a step.
+/// times are seconds. Surfaces then never pass through each other, not even on the way to a first guess. Among the forces in play, to
+/// which the wanted residual is relative, are those that would stop everything within a step.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct InertiaSpec {

@@ -1,13 +1,13 @@
 //! Cases in time, with inertia: C4 (fast thin bodies), C6 (mass ratio, for 10 s), T1 (large time steps), T2 (quasi-static by dynamics).
 
 use crate::{Case, Outcome, Tier};
-use fem::measure::{contact_energy, energies, kinetic_energy, pair_forces, support_wrench};
+use fem::measure::{kinetic_energy, pair_forces, support_wrench};
 use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
-use fem::run::{Drive, DriveFrame, Frame};
+use fem::run::Frame;
 use fem::scene::{ContactSpec, GravitySpec, InertiaSpec, LawSpec, Scene, VelocitySpec};
 use fem::solve::Settings;
-use support::contact_scenes::{add, guarded, moved, two_blocks};
+use support::contact_scenes::{add, block_mean, guarded, moved, timed, total_energy, two_blocks};
 use support::fem_scenes::held;
 
 pub const CASES: &[Case] = &[
@@ -25,36 +25,6 @@ pub const CASES: &[Case] = &[
 /// Soft tissue of the hard cases.
 const TISSUE: LawSpec = LawSpec::NeoHookean { young: 30e3, nu: 0.49 };
 
-/// `n` frames `h` \[s\] apart under the load that `control` has at each time.
-fn drive(
-    plan: &Plan,
-    h: f64,
-    n: usize,
-    control: impl Fn(f64) -> Vec<(&'static str, f64)>,
-) -> Result<Drive, String> {
-    let frame = |i: usize| {
-        let time = h * i as f64;
-        let load = plan.load(&control(time), &[]).map_err(|e| e.to_string())?;
-        Ok(DriveFrame { time, load })
-    };
-    Ok(Drive { frames: (1..=n).map(frame).collect::<Result<_, String>>()? })
-}
-
-/// Mean place of the nodes of a block \[m\].
-fn centre(plan: &Plan, frame: &Frame, block: &str) -> [f64; 3] {
-    let nodes = &plan.mesh.blocks.iter().find(|b| b.name == block).expect("a block of the mesh").nodes;
-    std::array::from_fn(|c| {
-        nodes.iter().map(|&n| frame.x[3 * n as usize + c]).sum::<f64>() / nodes.len() as f64
-    })
-}
-
-/// Kinetic, elastic, gravitational and contact energy \[J\].
-fn energy(plan: &Plan, frame: &Frame) -> f64 {
-    let at = frame.snapshot();
-    let stored: f64 = energies(plan, at).iter().map(|e| e.energy).sum();
-    kinetic_energy(plan, &frame.v) + stored + contact_energy(plan, at)
-}
-
 /// A free sheet flies at another that is held at its rim: 50 mm in the first step, over a gap of 20 mm.
 fn fast_sheet() -> Outcome {
     let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
@@ -70,10 +40,10 @@ fn fast_sheet() -> Outcome {
     scene.inertia = Some(InertiaSpec { velocities: vec![velocity] });
     scene.contact = Some(ContactSpec::new(&["target_block", "flyer_block"]));
     let plan = Plan::new(&scene, mesh).map_err(|e| e.to_string())?;
-    let out = guarded(&plan, &drive(&plan, 1e-3, 20, |_| vec![])?, &Settings::default())?;
+    let out = guarded(&plan, &timed(&plan, 1e-3, 20, |_| vec![]), &Settings::default())?;
     let mut deepest = 0.0_f64;
     for frame in &out.frames {
-        let [flyer, target] = ["flyer_block", "target_block"].map(|b| centre(&plan, frame, b)[2]);
+        let [flyer, target] = ["flyer_block", "target_block"].map(|b| block_mean(&plan, b, &frame.x)[2]);
         let middle = plan.mesh.node_sets["target_z_min"]
             .iter()
             .map(|&n| frame.x[3 * n as usize + 2])
@@ -83,9 +53,7 @@ fn fast_sheet() -> Outcome {
         }
         deepest = deepest.max(middle - 0.02);
     }
-    let nodes = &plan.mesh.blocks.iter().find(|b| b.name == "flyer_block").expect("a block").nodes;
-    let v = &out.last().expect("solved").v;
-    let back = -nodes.iter().map(|&n| v[3 * n as usize + 2]).sum::<f64>() / nodes.len() as f64;
+    let back = -block_mean(&plan, "flyer_block", &out.last().expect("solved").v)[2];
     let text = format!(
         "target dented by {:.1} mm and never passed; the flyer comes back at {back:.1} m/s",
         1e3 * deepest
@@ -114,12 +82,12 @@ fn stack() -> Outcome {
     let plan = Plan::new(&scene, mesh).map_err(|e| e.to_string())?;
     // What pushes a body of 4 mg sideways is small beside a weight of 0.2 N.
     let settings = Settings { tolerance: 1e-8, ..Settings::default() };
-    let drive = drive(&plan, 0.05, 200, |_| vec![("g", 1.0)])?;
+    let drive = timed(&plan, 0.05, 200, |_| vec![("g", 1.0)]);
     let out = guarded(&plan, &drive, &settings)?;
     // Penetration there is none, which `guarded` has seen; after half of the time all is at rest.
     let (half, last) = (&out.frames[99], out.last().expect("solved"));
     let drift = ["light_block", "heavy_block"].map(|b| {
-        let (a, b) = (centre(&plan, half, b), centre(&plan, last, b));
+        let (a, b) = (block_mean(&plan, b, &half.x), block_mean(&plan, b, &last.x));
         (0..3).map(|c| (b[c] - a[c]).powi(2)).sum::<f64>().sqrt()
     });
     let worst = drift[0].max(drift[1]) / 0.01;
@@ -150,18 +118,18 @@ fn large_steps() -> Outcome {
         let nodes = &plan.mesh.node_sets["beam_x_max"];
         nodes.iter().map(|&n| frame.x[3 * n as usize + 2]).sum::<f64>() / nodes.len() as f64
     };
-    let rest = guarded(&still, &drive(&still, 1.0, 1, |_| vec![("g", 1.0)])?, &Settings::default())?;
+    let rest = guarded(&still, &timed(&still, 1.0, 1, |_| vec![("g", 1.0)]), &Settings::default())?;
     let rest = tip(&still, rest.last().expect("solved"));
     let mut rows = Vec::new();
     for h in [1e-4, 1e-3, 1e-2, 1e-1, 1.0] {
-        let out = guarded(&plan, &drive(&plan, h, 20, |_| vec![("g", 1.0)])?, &Settings::default())?;
+        let out = guarded(&plan, &timed(&plan, h, 20, |_| vec![("g", 1.0)]), &Settings::default())?;
         let x = plan.reference();
         let load = out.frames[0].load.clone();
         let at_start = Frame { time: 0.0, load, v: vec![0.0; x.len()], x, islands: Vec::new() };
-        let mut before = energy(&plan, &at_start);
+        let mut before = total_energy(&plan, &at_start);
         let scale = before.abs();
         for frame in &out.frames {
-            let now = energy(&plan, frame);
+            let now = total_energy(&plan, frame);
             if now > before + 1e-6 * scale {
                 return Err(format!(
                     "steps of {h} s: energy grows from {before} to {now} J at {} s",
@@ -189,10 +157,10 @@ fn slowly() -> Outcome {
         let plan = Plan::new(&scene, mesh).map_err(|e| e.to_string())?;
         let n = 40;
         let down = |t: f64| vec![("down", 4e-3 * t / duration)];
-        let out = guarded(&plan, &drive(&plan, duration / n as f64, n, down)?, &Settings::default())?;
+        let out = guarded(&plan, &timed(&plan, duration / n as f64, n, down), &Settings::default())?;
         let share = |frame: &Frame| {
             let kinetic = kinetic_energy(&plan, &frame.v);
-            kinetic / (energy(&plan, frame) - kinetic)
+            kinetic / (total_energy(&plan, frame) - kinetic)
         };
         let fast = out.frames[n / 10..].iter().map(share).fold(0.0, f64::max);
         let last = out.last().expect("solved");

@@ -4,10 +4,10 @@ use super::Random;
 use super::fem_scenes::{held, mooney_rivlin};
 use fem::body::Pose;
 use fem::geometry::SearchSurface;
-use fem::measure::{Snapshot, collision_surfaces};
+use fem::measure::{Snapshot, collision_surfaces, contact_energy, energies, kinetic_energy};
 use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
-use fem::run::{Drive, DriveFrame, Run, run};
+use fem::run::{Drive, DriveFrame, Frame, Run, run};
 use fem::scene::{ContactSpec, LawSpec, PrescribedSpec, Scene, SolidSpec, TieSpec};
 use fem::solve::Settings;
 
@@ -69,6 +69,29 @@ pub fn ramp(plan: &Plan, controls: &[(&str, f64)], poses: &[(&str, Pose)], steps
         DriveFrame { time: t, load: start.towards(&end, &pivots, t) }
     };
     Drive { frames: (1..=steps).map(frame).collect() }
+}
+
+/// A drive of `n` frames `h` \[s\] apart, under the controls that each time has.
+pub fn timed<'c>(plan: &Plan, h: f64, n: usize, controls: impl Fn(f64) -> Vec<(&'c str, f64)>) -> Drive {
+    let frame = |i: usize| {
+        let time = h * i as f64;
+        DriveFrame { time, load: plan.load(&controls(time), &[]).unwrap_or_else(|e| panic!("{e}")) }
+    };
+    Drive { frames: (1..=n).map(frame).collect() }
+}
+
+/// Mean over the corners of the cells of a block of what all nodes have, 3 values per node.
+pub fn block_mean(plan: &Plan, block: &str, values: &[f64]) -> [f64; 3] {
+    let nodes = &plan.mesh.blocks.iter().find(|b| b.name == block).expect("a block of the mesh").nodes;
+    let sum = |c: usize| nodes.iter().map(|&n| values[3 * n as usize + c]).sum::<f64>();
+    std::array::from_fn(|c| sum(c) / nodes.len() as f64)
+}
+
+/// Kinetic energy, that of all effects (loads too) and that of contact \[J\].
+pub fn total_energy(plan: &Plan, frame: &Frame) -> f64 {
+    let at = frame.snapshot();
+    let stored: f64 = energies(plan, at).iter().map(|e| e.energy).sum();
+    kinetic_energy(plan, &frame.v) + stored + contact_energy(plan, at)
 }
 
 /// Runs and looks at every frame: solved, no intersection, no inverted element. The error says what is wrong.

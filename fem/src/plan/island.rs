@@ -231,12 +231,12 @@ impl Island {
 
     /// Components of its nodes out of those of all nodes of the mesh, 3 per node.
     pub fn gather(&self, all: &[f64]) -> Vec<f64> {
-        self.nodes.iter().flat_map(|&n| all[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
+        gather(&self.nodes, all)
     }
 
     /// Positions \[m\] of the free nodes out of those of all local nodes.
     pub fn free_positions(&self, x: &[f64]) -> Vec<f64> {
-        self.free_nodes.iter().flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
+        gather(&self.free_nodes, x)
     }
 
     /// Copies the positions of the free nodes out of those of all local nodes.
@@ -293,6 +293,11 @@ impl Island {
         }
         g
     }
+}
+
+/// Components of some nodes out of those of all, 3 per node.
+fn gather(nodes: &[u32], all: &[f64]) -> Vec<f64> {
+    nodes.iter().flat_map(|&n| all[3 * n as usize..3 * n as usize + 3].iter().copied()).collect()
 }
 
 /// Norm of the nodal forces \[N\] of an effect under a shear of one millionth, from its first group: a load that strains
