@@ -1,15 +1,14 @@
 //! Multifrontal Cholesky factorization L Lᵀ of a [`BlockMatrix`].
 //!
-//! Every separator of the nested dissection is one dense front: its own nodes (columns) and the later nodes they are
-//! coupled with (rows). A front adds what its children passed on, eliminates its columns with faer's dense kernels and
+//! Every set of nodes eliminated together is one dense front, see [`Analysis`]. A front adds what its children passed on, eliminates its columns with faer's dense kernels and
 //! passes the rest to its parent. Subtrees run in parallel, the large fronts near the root tile by tile; what is added
 //! to what never depends on the number of threads. Duff & Reid, The multifrontal solution of indefinite sparse
 //! symmetric linear equations, ACM Trans. Math. Softw. 9 (1983); Liu, The multifrontal method, SIAM Review 34 (1992).
 
 #![allow(non_snake_case)]
 
-use super::dissection::{Separator, dissect};
-use super::{BlockMatrix, Pattern};
+use super::BlockMatrix;
+use super::analysis::{Analysis, Front};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::matmul::{matmul, triangular};
@@ -56,137 +55,6 @@ impl Scalar for f32 {
 pub struct Indefinite {
     /// The unknown whose pivot it was.
     pub unknown: usize,
-}
-
-/// Order of elimination and structure of the factor: depends on the pattern only.
-#[derive(Debug)]
-pub struct Analysis {
-    pattern: Arc<Pattern>,
-    /// Node at each place of the elimination order.
-    order: Vec<u32>,
-    /// Children before parents; a subtree is contiguous. The last one is the root and owns no nodes.
-    fronts: Vec<Front>,
-}
-
-/// One dense front. Places are places in the elimination order.
-#[derive(Debug)]
-struct Front {
-    /// First place it eliminates, and how many.
-    first: usize,
-    n_columns: usize,
-    /// Later places coupled with it, ascending.
-    rows: Vec<u32>,
-    /// Where the parent's front keeps each of `rows`: an index into (columns, rows) of the parent.
-    in_parent: Vec<u32>,
-    children: Vec<usize>,
-    /// First front and first place of its subtree.
-    subtree: (usize, usize),
-    /// What it takes from the matrix: block, row and column in this front; lower triangle.
-    entries: Vec<(u32, u32, u32)>,
-    /// Multiply-adds of the subtree.
-    work: f64,
-}
-
-impl Front {
-    /// Unknowns of the front: own, and own and passed on together.
-    fn sizes(&self) -> (usize, usize) {
-        (3 * self.n_columns, 3 * (self.n_columns + self.rows.len()))
-    }
-}
-
-impl Analysis {
-    /// Nested dissection and symbolic factorization. `points`: a place for every node (three coordinates each), used
-    /// to divide the graph only.
-    pub fn new(pattern: &Arc<Pattern>, points: &[f64]) -> Analysis {
-        let mut this = Analysis { pattern: pattern.clone(), order: Vec::new(), fronts: Vec::new() };
-        let root = Separator { nodes: Vec::new(), children: dissect(pattern, points) };
-        this.number(&root);
-        let mut place = vec![0_u32; this.order.len()];
-        for (p, &node) in this.order.iter().enumerate() {
-            place[node as usize] = p as u32;
-        }
-        this.find_rows(&place);
-        this.find_entries(&place);
-        this
-    }
-
-    /// Numbers nodes and fronts, children first; returns the index of the front of `separator`.
-    fn number(&mut self, separator: &Separator) -> usize {
-        let subtree = (self.fronts.len(), self.order.len());
-        let children: Vec<usize> = separator.children.iter().map(|c| self.number(c)).collect();
-        let first = self.order.len();
-        self.order.extend(&separator.nodes);
-        let n_columns = separator.nodes.len();
-        let (rows, in_parent, entries) = (Vec::new(), Vec::new(), Vec::new());
-        self.fronts.push(Front { first, n_columns, rows, in_parent, children, subtree, entries, work: 0.0 });
-        self.fronts.len() - 1
-    }
-
-    fn find_rows(&mut self, place: &[u32]) {
-        for f in 0..self.fronts.len() {
-            let front = &self.fronts[f];
-            let end = (front.first + front.n_columns) as u32;
-            let mut rows: Vec<u32> = self.order[front.first..end as usize]
-                .iter()
-                .flat_map(|&node| self.pattern.row(node as usize))
-                .map(|&node| place[node as usize])
-                .chain(front.children.iter().flat_map(|&c| self.fronts[c].rows.iter().copied()))
-                .filter(|&p| p >= end)
-                .collect();
-            rows.sort_unstable();
-            rows.dedup();
-            let (first, n_columns) = (front.first, front.n_columns);
-            let mut work = 0.0;
-            for c in front.children.clone() {
-                let local = |&p: &u32| {
-                    let p = p as usize;
-                    if p < first + n_columns {
-                        (p - first) as u32
-                    } else {
-                        (n_columns + rows.binary_search(&(p as u32)).expect("parent has its child's rows"))
-                            as u32
-                    }
-                };
-                self.fronts[c].in_parent = self.fronts[c].rows.iter().map(local).collect();
-                work += self.fronts[c].work;
-            }
-            let front = &mut self.fronts[f];
-            front.rows = rows;
-            let (own, all) = front.sizes();
-            let (own, passed) = (own as f64, (all - own) as f64);
-            front.work =
-                work + own * own * own / 6.0 + own * own * passed / 2.0 + own * passed * passed / 2.0;
-        }
-    }
-
-    fn find_entries(&mut self, place: &[u32]) {
-        let (order, pattern) = (&self.order, &self.pattern);
-        self.fronts.par_iter_mut().for_each(|front| {
-            let end = front.first + front.n_columns;
-            for (column, &node) in order[front.first..end].iter().enumerate() {
-                let start = pattern.row_start()[node as usize];
-                for (k, &other) in pattern.row(node as usize).iter().enumerate() {
-                    let p = place[other as usize];
-                    let row = match p as usize {
-                        p if p < front.first + column => continue,
-                        p if p < end => p - front.first,
-                        _ => front.n_columns + front.rows.binary_search(&p).expect("row is in the front"),
-                    };
-                    front.entries.push(((start + k) as u32, row as u32, column as u32));
-                }
-            }
-        });
-    }
-
-    /// Numbers stored in the factor.
-    pub fn n_values(&self) -> usize {
-        self.fronts.iter().map(|f| f.sizes().0 * f.sizes().1).sum()
-    }
-
-    /// Multiply-adds of one factorization.
-    pub fn work(&self) -> f64 {
-        self.fronts[self.fronts.len() - 1].work
-    }
 }
 
 /// The factor of one matrix; its memory is kept for the next: fresh pages from the system cost an eighth of the time of a solution.

@@ -2,24 +2,26 @@
 //!
 //! An *island* is a set of nodes that nothing connects to the rest; each is one [`Potential`] and is solved alone.
 
+mod analysis;
 pub mod block_matrix;
 pub mod cholesky;
 mod convexity;
-mod dissection;
 mod islands;
 mod line_search;
 mod linear;
 mod load_step;
 mod log;
 mod newton;
+mod ordering;
 mod outcome;
 mod patience;
 mod rigid;
 mod solver;
 mod stability;
 
+pub use analysis::Analysis;
 pub use block_matrix::{BlockMatrix, PRESCRIBED, Pattern, Slots};
-pub use cholesky::{Analysis, Cholesky, Indefinite};
+pub use cholesky::{Cholesky, Indefinite};
 pub use islands::{Island, advance_islands};
 pub use linear::{LinearReport, LinearSolver};
 pub use log::{Iteration, IterationLog};

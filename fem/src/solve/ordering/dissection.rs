@@ -1,25 +1,18 @@
-//! Nested dissection of the node graph by planes: the order in which the factorization eliminates the nodes.
+//! Nested dissection of the node graph by planes: best for compact bodies.
 //!
 //! A set of nodes is halved by the plane through the median of its nodes, normal to the axis (of the frame and of
 //! the set's own principal axes) that leaves the smallest separator; the separator is eliminated after both halves.
 //! George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973);
 //! Gilbert, Miller, Teng, Geometric mesh partitioning, SIAM J. Sci. Comput. 19 (1998).
 
-use super::Pattern;
+use super::{Pattern, Supernode};
 use nalgebra::{Matrix3, Vector3};
-
-/// A set of nodes eliminated together, and the sets that must be eliminated before it.
-#[derive(Debug)]
-pub(super) struct Separator {
-    pub nodes: Vec<u32>,
-    pub children: Vec<Separator>,
-}
 
 /// Sets no larger than this are not divided further: dense elimination is then as cheap (measured 24..64: within 5 %).
 const LEAF: usize = 40;
 
 /// Divides all nodes of `pattern`; `points`: a place for every node, three coordinates each.
-pub(super) fn dissect(pattern: &Pattern, points: &[f64]) -> Vec<Separator> {
+pub fn dissect(pattern: &Pattern, points: &[f64]) -> Vec<Supernode> {
     let nodes: Vec<u32> = (0..pattern.n_nodes() as u32).collect();
     let mut dissection = Dissection { pattern, points, side: vec![OUTSIDE; pattern.n_nodes()] };
     dissection.divide(nodes)
@@ -38,9 +31,9 @@ struct Dissection<'a> {
 }
 
 impl Dissection<'_> {
-    fn divide(&mut self, nodes: Vec<u32>) -> Vec<Separator> {
+    fn divide(&mut self, nodes: Vec<u32>) -> Vec<Supernode> {
         if nodes.len() <= LEAF {
-            return vec![Separator { nodes, children: Vec::new() }];
+            return vec![Supernode { nodes, children: Vec::new() }];
         }
         let mut best: Option<Vec<(u32, u8)>> = None;
         let mut least = usize::MAX;
@@ -56,14 +49,14 @@ impl Dissection<'_> {
         let pick = |side| sides.iter().filter(|(_, s)| *s == side).map(|(n, _)| *n).collect::<Vec<u32>>();
         let (low, high, separator) = (pick(LOW), pick(HIGH), pick(SEPARATOR));
         if low.is_empty() || high.is_empty() {
-            return vec![Separator { nodes, children: Vec::new() }]; // nothing to gain: everybody touches everybody
+            return vec![Supernode { nodes, children: Vec::new() }]; // nothing to gain: everybody touches everybody
         }
         let mut children = self.divide(low);
         children.extend(self.divide(high));
         if separator.is_empty() {
             return children; // the halves do not touch
         }
-        vec![Separator { nodes: separator, children }]
+        vec![Supernode { nodes: separator, children }]
     }
 
     /// Normals to try: the axes of the frame and the principal axes along which the set is long.
