@@ -5,6 +5,7 @@
 //! of the pair, until no pair is left (Gauss-Seidel; in the spirit of the impact zones of Harmon et al., Robust treatment of
 //! simultaneous collisions, ACM Trans. Graph. 27 (2008)).
 
+use super::candidates::Primitives;
 use super::{Contact, Mode, ccd};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -55,7 +56,7 @@ impl Contact {
 
     /// Pairs that would touch, a point and a triangle or two edges, by their four points, with the share of the way that each may go.
     fn blocked(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Vec<([u32; 4], f64)> {
-        let near = self.candidates_between(from, to);
+        let near = self.candidates_between(Primitives::Edges, from, to);
         let all = &self.surfaces;
         let kept =
             |first: f64| (KEPT * first).max((KEPT_OF_REACH * self.distance).min((1.0 - LEAST_USE) * first));

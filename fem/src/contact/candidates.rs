@@ -45,9 +45,23 @@ impl Partners {
     }
 }
 
+/// Which primitives count; each includes those before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Primitives {
+    /// Corners of triangles, against triangles.
+    #[default]
+    Corners,
+    /// All samples, against triangles.
+    Samples,
+    /// Edges against each other, too.
+    Edges,
+}
+
 /// Pairs that can be closer than the activation distance.
 #[derive(Clone, Debug, Default)]
 pub struct Candidates {
+    /// Of what.
+    primitives: Primitives,
     /// Where the list is good for each collision point to be.
     boxes: Vec<Aabb>,
     /// (collision point, triangle), ascending.
@@ -57,16 +71,19 @@ pub struct Candidates {
 }
 
 impl Candidates {
-    /// Whether the list serves points at `p`.
-    pub fn covers(&self, p: &[Vector3<f64>]) -> bool {
-        self.boxes.len() == p.len() && self.boxes.iter().zip(p).all(|(b, p)| b.contains(p))
+    /// Whether the list serves `primitives` with points at `p`.
+    pub fn covers(&self, primitives: Primitives, p: &[Vector3<f64>]) -> bool {
+        self.primitives >= primitives
+            && self.boxes.len() == p.len()
+            && self.boxes.iter().zip(p).all(|(b, p)| b.contains(p))
     }
 
-    /// The list for all states between `from` and `to` and up to `slack` \[m\] beside; `reach`: largest activation
+    /// The list of `primitives` for all states between `from` and `to` and up to `slack` \[m\] beside; `reach`: largest activation
     /// distance \[m\].
     pub fn new(
         all: &Surfaces,
         partners: &Partners,
+        primitives: Primitives,
         from: &[Vector3<f64>],
         to: &[Vector3<f64>],
         slack: f64,
@@ -84,6 +101,9 @@ impl Candidates {
             })
             .collect();
         let point_triangle = collect(boxes.len(), |p, found| {
+            if primitives == Primitives::Corners && !all.is_corner(p) {
+                return;
+            }
             let query = boxes[p as usize].grown(reach);
             for &other in &partners.of[all.surface(p)] {
                 let s = &all.list[other];
@@ -96,7 +116,8 @@ impl Candidates {
                 });
             }
         });
-        let edge_edge = collect(all.edges.len(), |e, found| {
+        let n_edges = if primitives == Primitives::Edges { all.edges.len() } else { 0 };
+        let edge_edge = collect(n_edges, |e, found| {
             let ends = &all.edges[e as usize].points;
             let query = of(ends).grown(reach);
             let mine = all.surface(ends[0]);
@@ -111,7 +132,7 @@ impl Candidates {
                 });
             }
         });
-        Candidates { boxes, point_triangle, edge_edge }
+        Candidates { primitives, boxes, point_triangle, edge_edge }
     }
 }
 

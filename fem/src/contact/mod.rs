@@ -34,7 +34,7 @@ pub(crate) mod tree;
 pub use measure::PairForce;
 pub use start::Overlap;
 
-use candidates::{Candidates, Partners};
+use candidates::{Candidates, Partners, Primitives};
 use closest::{Feature, Points, edge_edge, feature, point_edge, point_point, point_triangle};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -161,7 +161,7 @@ impl Contact {
     /// Lowers the activation distances to the distances at the start.
     fn fit_reach(&mut self, X: &[f64]) {
         let p = self.surfaces.positions(X);
-        let near = self.candidates(&p);
+        let near = self.candidates(Primitives::Edges, &p);
         for &[s, t] in &near.point_triangle {
             let d = point_triangle(&self.triangle_points(s, t, &p)).squared().sqrt();
             let reach = &mut self.reach[s as usize];
@@ -186,16 +186,21 @@ impl Contact {
         [e[0], e[1], f[0], f[1]].map(|i| p[i as usize])
     }
 
-    /// Pairs that can be within reach of each other with the points at `p`.
-    fn candidates(&self, p: &[Vector3<f64>]) -> Arc<Candidates> {
-        self.candidates_between(p, p)
+    /// Pairs of `primitives` that can be within reach of each other with the points at `p`.
+    fn candidates(&self, primitives: Primitives, p: &[Vector3<f64>]) -> Arc<Candidates> {
+        self.candidates_between(primitives, p, p)
     }
 
-    fn candidates_between(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> Arc<Candidates> {
+    fn candidates_between(
+        &self,
+        primitives: Primitives,
+        from: &[Vector3<f64>],
+        to: &[Vector3<f64>],
+    ) -> Arc<Candidates> {
         let mut cache = self.cache.lock().expect("no thread panics while it holds the list");
-        if !(cache.covers(from) && cache.covers(to)) {
-            let slack = SLACK * self.largest_reach;
-            let list = Candidates::new(&self.surfaces, &self.partners, from, to, slack, self.largest_reach);
+        if !(cache.covers(primitives, from) && cache.covers(primitives, to)) {
+            let (all, reach) = (&self.surfaces, self.largest_reach);
+            let list = Candidates::new(all, &self.partners, primitives, from, to, SLACK * reach, reach);
             *cache = Arc::new(list);
         }
         cache.clone()
@@ -221,7 +226,7 @@ impl Contact {
 
     /// Barriers of the guarded mode with the collision points at `p`.
     fn barriers(&self, p: &[Vector3<f64>]) -> Vec<Stencil> {
-        let near = self.candidates(p);
+        let near = self.candidates(Primitives::Edges, p);
         let samples = self.sample_barriers(&near.point_triangle, p);
         let edges = near
             .edge_edge
@@ -452,7 +457,7 @@ impl Contact {
     }
 
     fn straight_share(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {
-        let near = self.candidates_between(from, to);
+        let near = self.candidates_between(Primitives::Edges, from, to);
         let triangles = near.point_triangle.par_iter().with_min_len(512).map(|&[s, t]| {
             let [from, to] = [from, to].map(|p| self.triangle_points(s, t, p));
             ccd::point_triangle_share(&from, &to, ccd::tenth)

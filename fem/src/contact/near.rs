@@ -1,12 +1,15 @@
 //! Which collision points are near a surface or inside it.
 //!
 //! What was found is remembered: a signed distance changes by no more than the point and the surface have moved since, so most of
-//! what was far need not be looked at again, and the triangle that was nearest is the first to be tried. Neither changes the answer.
+//! what was far need not be looked at again, and the triangle that was nearest is the first to be tried. Likewise it is no less
+//! than at the nearest corner, less the way from there, so corners come first and spare most of the other samples. None of it
+//! changes the answer.
 //!
 //! A point inside a closed body has come in by the side that is nearest, unless that faces the way the point itself does: then the
 //! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
 //! body is deep, which then still sticks out there.
 
+use super::candidates::Primitives;
 use super::closest::{feature, point_triangle};
 use super::normals::Normals;
 use super::surface::Surface;
@@ -44,14 +47,17 @@ pub(super) struct Near {
 pub(super) struct Memory {
     /// How far it looked, and how far beside rims \[m\].
     range: [f64; 2],
+    /// Whether it looked from all samples.
+    all: bool,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
-    /// What each collision point has seen.
-    seen: Vec<Vec<Seen>>,
+    /// What each collision point has seen: corners, and the others.
+    corners: Vec<Vec<Seen>>,
+    others: Vec<Vec<Seen>>,
 }
 
 /// A surface as seen from a collision point.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Seen {
     surface: usize,
     /// The triangle that was nearest, counted from the first of the surface.
@@ -63,7 +69,7 @@ struct Seen {
 impl Contact {
     /// Collision points closer than `least` to a surface that they may meet, or inside it.
     pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
-        self.near_within(p, &|_, _| least, least + self.view(), 0.0)
+        self.near_within(p, Primitives::Samples, &|_, _| least, least + self.view(), 0.0)
     }
 
     /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
@@ -72,105 +78,69 @@ impl Contact {
         VIEW * self.surfaces.edge_length
     }
 
-    /// The same, `least` by point and surface, of points no farther than `view` \[m\] from the surface, and of the first point of every
-    /// surface. What lies beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
+    /// The same of corners or all samples, `least` by point and surface, of points no farther than `view` \[m\] from the surface, and of
+    /// the first point of every surface. What lies beyond the rim of an open surface counts where it is less than `aside` \[m\] beside it.
     pub(super) fn near_within(
         &self,
         p: &[Vector3<f64>],
+        primitives: Primitives,
         least: &(dyn Fn(usize, usize) -> f64 + Sync),
         view: f64,
         aside: f64,
     ) -> Vec<Near> {
         let all = &self.surfaces;
+        let every = primitives > Primitives::Corners;
         let mut memory = self.memory.lock().expect("no thread panics while it holds the memory");
         if memory.range != [view, aside] {
-            let seen = p.iter().map(|_| Vec::new()).collect();
-            *memory = Memory { range: [view, aside], p: p.to_vec(), seen };
+            *memory = Memory { range: [view, aside], p: p.to_vec(), ..Memory::default() };
+            memory.corners.resize_with(p.len(), Vec::new);
         }
+        if every && !memory.all {
+            memory.others = p.iter().map(|_| Vec::new()).collect();
+        }
+        memory.all = every;
         let moved: Vec<f64> = p.iter().zip(&memory.p).map(|(now, then)| (now - then).norm()).collect();
         let way = |s: &Surface| {
             s.samples.clone().map(|i| moved[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })
         };
         let ways: Vec<f64> = all.list.iter().map(way).collect();
         memory.p.copy_from_slice(p);
-        let normals = self.normals(p);
         let fitted = self.fitted(p);
-        let boxes: Vec<Aabb> = fitted.iter().map(|f| f.whole().grown(view)).collect();
-        let first = |point: usize| all.list.iter().any(|s| s.samples.start == point);
-        let find = |(point, seen): (usize, &mut Vec<Seen>)| -> Vec<Near> {
-            let q = &p[point];
-            let mine = all.surface(point as u32);
-            seen.iter_mut().for_each(|s| s.at_least -= moved[point] + ways[s.surface]);
-            let mut found = Vec::new();
-            for &other in &self.partners.of[mine] {
-                if !boxes[other].contains(q) || other == mine {
-                    continue;
-                }
-                let at = seen.iter().position(|s| s.surface == other).unwrap_or_else(|| {
-                    seen.push(Seen { surface: other, nearest: None, at_least: f64::NEG_INFINITY });
-                    seen.len() - 1
-                });
-                let (seen, least) = (&mut seen[at], least(point, other));
-                if seen.at_least >= least {
-                    continue;
-                }
-                let s = &all.list[other];
-                let squared = |t: u32| {
-                    let t = (s.triangles.start + t as usize) as u32;
-                    point_triangle(&self.triangle_points(point as u32, t, p)).squared()
-                };
-                let search = |within: f64| {
-                    s.triangle_tree.nearest(&fitted[other], q, within, seen.nearest, squared).map(|n| n.0)
-                };
-                let see = |t: u32| self.seen_from(point as u32, s, t, &normals[other], p);
-                // Beyond a rim it is not the distance to the surface.
-                let bound = |n: &Near| if n.beside.is_some() { f64::NEG_INFINITY } else { n.gap };
-                let unlimited = f64::MAX.sqrt();
-                let is_outside = seen.at_least > 0.0;
-                let within = match first(point) {
-                    true => unlimited,
-                    false if is_outside => view.min(least), // it need not be looked at farther than asked
-                    false => view,
-                };
-                let Some(nearest) = search(within) else {
-                    // Far outside or deep inside: which of the two has to be known before it is skipped.
-                    seen.at_least = match is_outside {
-                        true => within,
-                        false => search(unlimited).map_or(within, |t| bound(&see(t))),
-                    };
-                    continue;
-                };
-                let mut near = see(nearest);
-                (seen.nearest, seen.at_least) = (Some(nearest), bound(&near));
-                if near.gap >= least || near.beside.is_some_and(|d| d >= aside) {
-                    continue;
-                }
-                if near.gap >= 0.0 {
-                    near.room = near.gap + HALF * all.depths[near.triangle as usize].min(view);
-                } else if self.mode == Mode::Guarded {
-                    let (mine, theirs) = (normals[mine].sample(point as u32), &normals[other]);
-                    let is_far = |t: u32| {
-                        theirs.triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED
-                    };
-                    let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
-                    let within = all.sample_depths[point].min(view);
-                    if is_far(nearest)
-                        && let Some((front, _)) =
-                            s.triangle_tree.nearest(&fitted[other], q, within, None, squared)
-                    {
-                        near = self.seen_from(point as u32, s, front, theirs, p);
-                        near.gap = -near.gap.abs();
-                    }
-                }
-                if self.partners.counts(all, &[point as u32], &all.triangles[near.triangle as usize]) {
-                    found.push(near);
-                }
-            }
-            found
+        let boxes = fitted.iter().map(|f| f.whole().grown(view)).collect();
+        let search =
+            Search { contact: self, p, view, aside, moved, ways, normals: self.normals(p), fitted, boxes };
+        // From corners it is worth to look a little farther, for the samples around.
+        let farther = if every { all.edge_length } else { 0.0 };
+        let Memory { corners, others, .. } = &mut *memory;
+        let find = |point: usize, seen: &mut Vec<Seen>| search.from(point, least, farther, &[], seen);
+        let of_corners: Vec<Vec<Near>> = corners
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(64)
+            .map(|(point, seen)| if all.is_corner(point as u32) { find(point, seen) } else { Vec::new() })
+            .collect();
+        if !every {
+            return of_corners.into_iter().flatten().collect();
+        }
+        let find = |point: usize, seen: &mut Vec<Seen>| {
+            let way = |c: u32| (p[point] - p[c as usize]).norm();
+            let ways = all.corners_of[point].map(|c| (way(c), c));
+            let (way, corner) = ways.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("three corners");
+            let beside = |s: &Seen| Seen { at_least: s.at_least - way, ..*s };
+            let known: Vec<Seen> = corners[corner as usize].iter().map(beside).collect();
+            search.from(point, least, 0.0, &known, seen)
         };
-        let found: Vec<Vec<Near>> =
-            memory.seen.par_iter_mut().enumerate().with_min_len(64).map(find).collect();
-        found.into_iter().flatten().collect()
+        let of_others: Vec<Vec<Near>> = others
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(64)
+            .map(|(point, seen)| if all.is_corner(point as u32) { Vec::new() } else { find(point, seen) })
+            .collect();
+        of_corners
+            .into_iter()
+            .zip(of_others)
+            .flat_map(|(corner, other)| corner.into_iter().chain(other))
+            .collect()
     }
 
     /// Boxes of the triangle trees of all surfaces with the collision points at `p`.
@@ -194,5 +164,126 @@ impl Contact {
         let beside = rim.then(|| (squared - height * height).max(0.0).sqrt());
         let gap = if height < 0.0 { -distance } else { distance };
         Near { point, triangle, at, out, gap, room: f64::INFINITY, beside }
+    }
+}
+
+/// One search for near points.
+struct Search<'a> {
+    contact: &'a Contact,
+    /// Positions of the collision points \[m\].
+    p: &'a [Vector3<f64>],
+    view: f64,
+    aside: f64,
+    /// How far each collision point, and the farthest one of each surface, have moved since the last search \[m\].
+    moved: Vec<f64>,
+    ways: Vec<f64>,
+    /// By surface: normals, boxes of the tree, and the box of all that is not too far.
+    normals: Vec<Normals>,
+    fitted: Vec<Fitted>,
+    boxes: Vec<Aabb>,
+}
+
+impl Search<'_> {
+    /// What is near a collision point. It `seen` surfaces before; those `known` are what it would see at least. Looks
+    /// for surfaces `farther` \[m\] than at `least`.
+    fn from(
+        &self,
+        point: usize,
+        least: &(dyn Fn(usize, usize) -> f64 + Sync),
+        farther: f64,
+        known: &[Seen],
+        seen: &mut Vec<Seen>,
+    ) -> Vec<Near> {
+        let Search { contact, p, .. } = *self;
+        let all = &contact.surfaces;
+        let q = &p[point];
+        let mine = all.surface(point as u32);
+        seen.iter_mut().for_each(|s| s.at_least -= self.moved[point] + self.ways[s.surface]);
+        let mut found = Vec::new();
+        for &other in &contact.partners.of[mine] {
+            if !self.boxes[other].contains(q) || other == mine {
+                continue;
+            }
+            let least = least(point, other);
+            let beside = known.iter().find(|s| s.surface == other);
+            if beside.is_some_and(|s| s.at_least >= least) {
+                continue;
+            }
+            let at = seen.iter().position(|s| s.surface == other).unwrap_or_else(|| {
+                let nothing = Seen { surface: other, nearest: None, at_least: f64::NEG_INFINITY };
+                seen.push(*beside.unwrap_or(&nothing));
+                seen.len() - 1
+            });
+            let seen = &mut seen[at];
+            if let Some(beside) = beside {
+                seen.at_least = seen.at_least.max(beside.at_least);
+            }
+            if seen.at_least >= least + farther {
+                continue;
+            }
+            let Some(near) = self.look(point, other, least + farther, seen) else { continue };
+            if near.gap < least
+                && contact.partners.counts(all, &[point as u32], &all.triangles[near.triangle as usize])
+            {
+                found.push(near);
+            }
+        }
+        found
+    }
+
+    /// The surface `other` from a collision point, where it is closer than `least` or the point inside.
+    fn look(&self, point: usize, other: usize, least: f64, seen: &mut Seen) -> Option<Near> {
+        let Search { contact, p, view, .. } = *self;
+        let all = &contact.surfaces;
+        let (s, normals) = (&all.list[other], &self.normals[other]);
+        let squared = |t: u32| {
+            let t = (s.triangles.start + t as usize) as u32;
+            point_triangle(&contact.triangle_points(point as u32, t, p)).squared()
+        };
+        let search = |within: f64| {
+            let nearest =
+                s.triangle_tree.nearest(&self.fitted[other], &p[point], within, seen.nearest, squared);
+            nearest.map(|n| n.0)
+        };
+        let see = |t: u32| contact.seen_from(point as u32, s, t, normals, p);
+        // Beyond a rim it is not the distance to the surface.
+        let bound = |n: &Near| if n.beside.is_some() { f64::NEG_INFINITY } else { n.gap };
+        let unlimited = f64::MAX.sqrt();
+        let is_outside = seen.at_least > 0.0;
+        let within = match all.list.iter().any(|s| s.samples.start == point) {
+            true => unlimited,
+            false if is_outside => view.min(least), // it need not be looked at farther than asked
+            false => view,
+        };
+        let Some(nearest) = search(within) else {
+            // Far outside or deep inside: which of the two has to be known before it is skipped.
+            seen.at_least = match is_outside {
+                true => within,
+                false => search(unlimited).map_or(within, |t| bound(&see(t))),
+            };
+            return None;
+        };
+        let mut near = see(nearest);
+        (seen.nearest, seen.at_least) = (Some(nearest), bound(&near));
+        if near.gap >= least || near.beside.is_some_and(|d| d >= self.aside) {
+            return None;
+        }
+        if near.gap >= 0.0 {
+            near.room = near.gap + HALF * all.depths[near.triangle as usize].min(view);
+        } else if contact.mode == Mode::Guarded {
+            let mine = self.normals[all.surface(point as u32)].sample(point as u32);
+            let is_far =
+                |t: u32| normals.triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED;
+            let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
+            let within = all.sample_depths[point].min(view);
+            if is_far(nearest)
+                && let Some((front, _)) =
+                    s.triangle_tree.nearest(&self.fitted[other], &p[point], within, None, squared)
+            {
+                near = contact.seen_from(point as u32, s, front, normals, p);
+                near.gap = -near.gap.abs();
+            }
+        }
+        Some(near)
     }
 }

@@ -7,6 +7,7 @@
 //! lie on each other, as at planes of symmetry, would otherwise lose or keep their samples by round-off.
 
 use super::Contact;
+use super::candidates::Primitives;
 use super::closest::{Closest, Points, combine, point_triangle};
 use super::stencil::{Law, Stencil};
 use nalgebra::Vector3;
@@ -28,7 +29,7 @@ impl Contact {
             }
             Stencil { points: [near.point, a, b, c], closest, scale, law: Law::Spring, edges: 0.0 }
         };
-        self.near_within(p, &|_, _| 0.0, self.view(), ASIDE * all.edge_length)
+        self.near_within(p, Primitives::Samples, &|_, _| 0.0, self.view(), ASIDE * all.edge_length)
             .into_iter()
             .map(spring)
             .collect()

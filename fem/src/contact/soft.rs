@@ -6,9 +6,12 @@
 //! every gap ends above that share the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
 //! more: it counts only where nothing overlaps in it, and the guarded mode goes on from there.
 //!
+//! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.
+//!
 //! All surfaces must be closed. A point leaves a body by the side that is nearest, or by the one that its own body sticks out of where
 //! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
 
+use super::candidates::Primitives;
 use super::ccd::largest;
 use super::closest::point_triangle;
 use super::near::Near;
@@ -19,8 +22,15 @@ use nalgebra::Vector3;
 
 /// Share of the thickness of the thickest body that a node may move in one step, and up to which points are looked for inside.
 const LONGEST: f64 = 0.5;
+/// Share of the activation distance above which barriers that are softened below it are sampled at corners only.
+const SOFTEST: f64 = 0.1;
 /// Gap that is left where surfaces are parted in the end, as a share of the activation distance.
 const PARTED: f64 = 0.1;
+
+/// What is sampled where barriers are softened below the share `floor` of the activation distance.
+fn sampled(floor: f64) -> Primitives {
+    if floor > SOFTEST { Primitives::Corners } else { Primitives::Samples }
+}
 
 impl Contact {
     /// Whether there is a soft way: inside and outside are known everywhere.
@@ -35,31 +45,38 @@ impl Contact {
     }
 
     /// Points inside a surface with the collision points at `p`.
-    fn soft_inside(&self, p: &[Vector3<f64>]) -> Vec<Near> {
-        self.near_within(p, &|_, _| 0.0, self.longest(), 0.0)
+    fn soft_inside(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Near> {
+        self.near_within(p, sampled(floor), &|_, _| 0.0, self.longest(), 0.0)
     }
 
     /// Points that may come into a surface where the collision points at `p` go the ways `u`, none farther than a step may.
-    fn soft_ahead(&self, p: &[Vector3<f64>], u: &[Vector3<f64>]) -> Vec<Near> {
+    fn soft_ahead(&self, p: &[Vector3<f64>], u: &[Vector3<f64>], floor: f64) -> Vec<Near> {
         let (all, longest) = (&self.surfaces, self.longest());
         let farthest = |s: &Surface| largest(s.samples.clone().map(|i| u[i]));
         let ways: Vec<f64> = all.list.iter().map(farthest).collect();
-        self.near_within(p, &|point, other| (u[point].norm() + ways[other]).min(longest), longest, 0.0)
+        let least = |point: usize, other: usize| (u[point].norm() + ways[other]).min(longest);
+        self.near_within(p, sampled(floor), &least, longest, 0.0)
     }
 
     /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
     pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Stencil> {
         let all = &self.surfaces;
         let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
-        let inside = self.soft_inside(p);
+        let primitives = sampled(floor);
+        let areas = if primitives == Primitives::Corners { &all.corner_areas } else { &all.areas };
+        let inside = self.soft_inside(p, floor);
         let mut entered: Vec<(u32, usize)> =
             inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
         entered.sort_unstable();
-        let candidates = self.candidates(p);
-        let is_outside = |&&[s, t]: &&[u32; 2]| entered.binary_search(&(s, of_triangle(t))).is_err();
+        let candidates = self.candidates(primitives, p);
+        let is_outside = |&&[s, t]: &&[u32; 2]| {
+            areas[s as usize] > 0.0 && entered.binary_search(&(s, of_triangle(t))).is_err()
+        };
         let outside: Vec<[u32; 2]> = candidates.point_triangle.iter().filter(is_outside).copied().collect();
         let mut stencils = self.sample_barriers(&outside, p);
         for stencil in &mut stencils {
+            let sample = stencil.points[0] as usize;
+            stencil.scale *= areas[sample] / all.areas[sample];
             if let Law::Barrier(reach) = stencil.law {
                 stencil.law = Law::Soft { reach, floor, side: 1.0 };
             }
@@ -69,7 +86,7 @@ impl Contact {
             Stencil {
                 points: [n.point, a, b, c],
                 closest: point_triangle(&self.triangle_points(n.point, n.triangle, p)),
-                scale: 0.5 * all.areas[n.point as usize] * self.stiffness(n.point, a),
+                scale: 0.5 * areas[n.point as usize] * self.stiffness(n.point, a),
                 law: Law::Soft { reach: self.reach[n.point as usize], floor, side: -1.0 },
                 edges: 0.0,
             }
@@ -77,14 +94,15 @@ impl Contact {
         stencils
     }
 
-    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened.
-    pub fn soft_share(&self, from: &[f64], to: &[f64]) -> f64 {
+    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened below
+    /// the share `floor` of the activation distance.
+    pub fn soft_share(&self, from: &[f64], to: &[f64], floor: f64) -> f64 {
         let all = &self.surfaces;
         let start = all.positions(from);
         let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
         let mut share = (self.longest() / largest(u.iter().copied())).min(1.0);
         let ahead: Vec<Vector3<f64>> = u.iter().map(|u| u * share).collect();
-        for n in self.soft_ahead(&start, &ahead) {
+        for n in self.soft_ahead(&start, &ahead, floor) {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);

@@ -110,6 +110,8 @@ pub struct Surfaces {
     pub points: Vec<Blend>,
     /// Area of each collision point as a sample \[m²\].
     pub areas: Vec<f64>,
+    /// The same where only the corners of triangles are samples.
+    pub corner_areas: Vec<f64>,
     /// Surface of each collision point.
     pub surface_of: Vec<u32>,
     /// Corners of triangles between which each collision point lies: itself, the ends of an edge, or three; repeated to fill up.
@@ -174,6 +176,11 @@ impl Surfaces {
         let first_edge = self.edges.len();
         self.find_edges(first_triangle, X);
         self.divide(first_triangle, input.spacing, X);
+        self.corner_areas.resize(self.points.len(), 0.0);
+        for t in first_triangle..self.triangles.len() {
+            let share = self.area(t, X) / 3.0;
+            self.triangles[t].iter().for_each(|&c| self.corner_areas[c as usize] += share);
+        }
         self.surface_of.resize(self.points.len(), index);
 
         let at = |p: u32| self.points[p as usize].at(X);
@@ -321,6 +328,11 @@ impl Surfaces {
     /// Surface of a collision point.
     pub fn surface(&self, point: u32) -> usize {
         self.surface_of[point as usize] as usize
+    }
+
+    /// Whether a collision point is a corner of triangles.
+    pub fn is_corner(&self, point: u32) -> bool {
+        self.corners_of[point as usize] == [point; 3]
     }
 
     /// Whether two collision points are neighbours for good: on one surface those that have a corner of a triangle in common (not those

@@ -585,7 +585,10 @@ impl Potential for LoadedIsland {
     fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
         let share = |contact: &Contact| {
             let to = self.expand(x);
-            if self.floor > 0.0 { contact.soft_share(from, &to) } else { contact.share(from, &to) }
+            match self.floor {
+                0.0 => contact.share(from, &to),
+                floor => contact.soft_share(from, &to, floor),
+            }
         };
         self.contact(share).unwrap_or(1.0)
     }

@@ -45,10 +45,12 @@ impl Analysis {
     /// Symbolic factorization in the order of least work. `points`: a place for every node (three coordinates each), used to divide the
     /// graph only.
     pub fn new(pattern: &Arc<Pattern>, points: &[f64]) -> Analysis {
-        let orders = [Some(dissect(pattern, points)), by_degree(pattern)];
-        let analyses = orders.into_iter().flatten().map(|roots| Analysis::of(pattern, roots));
-        let mut best =
-            analyses.min_by(|a, b| a.work().total_cmp(&b.work())).expect("dissection always has an order");
+        let (divided, by_degree) = rayon::join(
+            || Analysis::of(pattern, dissect(pattern, points)),
+            || by_degree(pattern).map(|roots| Analysis::of(pattern, roots)),
+        );
+        let analyses = std::iter::once(divided).chain(by_degree);
+        let mut best = analyses.min_by(|a, b| a.work().total_cmp(&b.work())).expect("there is one");
         best.find_entries();
         best
     }

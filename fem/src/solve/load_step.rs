@@ -147,7 +147,8 @@ impl Run<'_> {
         let start = x.to_vec();
         let load =
             |piece: usize| if piece == n { target } else { t + piece as f64 / n as f64 * (target - t) };
-        let (mut piece, mut folds, mut touches) = (0, false, false);
+        let (mut piece, mut folds) = (0, false);
+        let mut way = Vec::new();
         let mut enough = ON_THE_WAY;
         let done = loop {
             let from = piece;
@@ -161,11 +162,21 @@ impl Run<'_> {
                     folds = true;
                     break;
                 }
-                touches = touches || potential.free_share(&places, x) < 1.0;
+                way.push((places, x.to_vec()));
                 piece += 1;
             }
             if piece == n {
-                break (touches || folds) && self.equilibrate_softly(potential, x, target);
+                // Dear to find out: asked only where nothing else decides.
+                let touches = |potential: &mut dyn Loading| {
+                    (1..).zip(&way).any(|(piece, (from, to))| {
+                        let mut to = to.clone();
+                        potential.set_load(load(piece), &mut to);
+                        potential.free_share(from, &to) < 1.0
+                    })
+                };
+                let is_needed = folds || touches(potential);
+                potential.set_load(target, x);
+                break is_needed && self.equilibrate_softly(potential, x, target);
             }
             // Where that does not get it any farther, nearer to equilibrium it may.
             let is_stuck = piece == from && enough == ON_THE_WAY;
@@ -174,7 +185,7 @@ impl Run<'_> {
                 break false;
             }
         };
-        tracing::debug!(island = %self.name, step = self.step, from = t, target, touches, folds, done, "carried along softly");
+        tracing::debug!(island = %self.name, step = self.step, from = t, target, folds, done, "carried along softly");
         if !done {
             x.copy_from_slice(&start);
             potential.set_load(t, x);
