@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 /// Share of the thickness of the thickest body that a node may move in one step, and up to which points are looked for inside.
 const LONGEST: f64 = 0.5;
 /// Share of the activation distance above which barriers that are softened below it are sampled at corners only.
-const SOFTEST: f64 = 0.1;
+const SOFTEST: f64 = 0.2;
 /// Gap that is left where surfaces are parted in the end, as a share of the activation distance.
 const PARTED: f64 = 0.1;
 

@@ -16,13 +16,20 @@ pub(super) struct Convexity {
     pub(super) next: f64,
     /// The last one that was enough where the true Hessian was not.
     pub(super) enough: f64,
+    /// Less may be tried.
+    may_fall: bool,
     patience: Patience,
 }
 
 impl Convexity {
     /// Starts with the true Hessian.
     pub(super) fn none() -> Convexity {
-        Convexity { next: 0.0, enough: FIRST, patience: Patience::new(LONGEST_WAIT) }
+        Convexity { next: 0.0, enough: FIRST, may_fall: true, patience: Patience::new(LONGEST_WAIT) }
+    }
+
+    /// All of it, whatever would do: for a way on which a Hessian costs more than what less convexity saves.
+    pub(super) fn full() -> Convexity {
+        Convexity { next: 1.0, enough: 1.0, may_fall: false, ..Convexity::none() }
     }
 
     /// Less than `FIRST` is not tried next.
@@ -40,7 +47,7 @@ impl Convexity {
         if share > 0.0 {
             self.enough = share;
         }
-        self.next = match self.patience.is_over() {
+        self.next = match self.may_fall && self.patience.is_over() {
             false => share,
             true if share / 4.0 < LEAST => 0.0,
             true => share / 4.0,

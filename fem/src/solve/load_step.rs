@@ -22,7 +22,7 @@ const UNFOLDED: f64 = 0.5;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other.
-const FLOORS: [f64; 4] = [0.8, 0.2, 0.06, 0.02];
+const FLOORS: [f64; 2] = [0.8, 0.1];
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Attempts to carry the load over within one load step.
@@ -123,6 +123,7 @@ impl Run<'_> {
         self.tolerance = tolerance.max(enough);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
+        let before = std::mem::replace(&mut self.convexity, Convexity::full());
         let outcome = potential.soften(floor).then(|| self.newton(potential, x, load));
         if let Some(Err(failure)) = &outcome {
             let (det_f, reason) = (failure.det_f, &failure.reason);
@@ -130,6 +131,7 @@ impl Run<'_> {
         }
         let there = matches!(outcome, Some(Ok(())));
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
+        self.convexity = before;
         potential.soften(0.0);
         self.linear.forget();
         there
