@@ -22,7 +22,7 @@ const UNFOLDED: f64 = 0.5;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other.
-const FLOORS: [f64; 2] = [0.8, 0.1];
+const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Attempts to carry the load over within one load step.
