@@ -1,6 +1,7 @@
 //! Scenes with contact: nothing passes through, forces are those of mechanics, mistakes are named.
 
 use fem::body::Pose;
+use fem::contact::Contact;
 use fem::measure::{contact_tractions, nodal_forces, pair_forces, support_wrench};
 use fem::mesh::{CellBlock, CellKind, Mesh, generate};
 use fem::plan::Plan;
@@ -15,6 +16,11 @@ const B06: [[usize; 3]; 2] = [[4, 4, 2], [5, 5, 3]];
 
 fn blocks_contact() -> ContactSpec {
     ContactSpec::new(&["lower_z_max", "upper_z_min"])
+}
+
+/// Contact of the first island.
+fn contact_of(plan: &Plan) -> &Contact {
+    plan.islands[0].contact.as_ref().expect("the island has contact")
 }
 
 /// Gradient and Hessian of the whole contact potential, with samples over faces, edges and corners.
@@ -48,7 +54,7 @@ fn cheap_contact_presses_up_to_rims_that_lie_on_each_other() {
     let spec = ContactSpec { distance, mode: ContactMode::Cheap, ..blocks_contact() };
     let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 0.0, spec);
     let plan = plan(&scene, &mesh);
-    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let contact = contact_of(&plan);
     let young = 9.0 * 747.5e3 * 7.5e3 / (3.0 * 747.5e3 + 7.5e3);
     let (depth, mut random) = (2e-4, Random::new(5));
     for aside in [0.0, 1e-15, 1e-9] {
@@ -73,7 +79,7 @@ fn softened_contact_pushes_out() {
     let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
     let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 1.5e-3, spec);
     let plan = plan(&scene, &mesh);
-    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let contact = contact_of(&plan);
     let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
     let upward = |closer: f64| -> f64 {
         let mut x = plan.reference();
@@ -109,7 +115,7 @@ fn softened_contact_finds_what_comes_back_from_deep_inside() {
         // Energies where the upper block is lowered by one way after the other.
         let energies = |ways: &[f64]| -> Vec<f64> {
             let plan = plan(&scene, &mesh);
-            let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+            let contact = contact_of(&plan);
             ways.iter().map(|&by| contact.energy(&lowered(&plan, by), floor)).collect()
         };
         let there = energies(&[3.5e-3])[0];
@@ -126,9 +132,6 @@ fn what_was_found_before_changes_nothing() {
     let (scene, mesh) = two_blocks([[6, 6, 3], [5, 5, 2]], 1.5e-3, spec);
     let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
     let remembers = plan(&scene, &mesh);
-    let contact = |plan: &Plan, x: &[f64], floor: f64| {
-        plan.islands[0].contact.as_ref().expect("the island has contact").energy(x, floor)
-    };
     let mut random = Random::new(11);
     let (mut way, mut touching) = ([3.1e-3, 2.3e-3, -1e-3], 0);
     for round in 0..40 {
@@ -137,8 +140,8 @@ fn what_was_found_before_changes_nothing() {
             (0..3).for_each(|c| x[3 * n + c] += way[c] + 2e-4 * random.uniform());
         }
         let floor = SAMPLED_DIFFERENTLY[usize::from(round % 8 > 2)];
-        let fresh = contact(&plan(&scene, &mesh), &x, floor);
-        assert_eq!(contact(&remembers, &x, floor), fresh, "round {round}, floor {floor}, {way:?}");
+        let fresh = contact_of(&plan(&scene, &mesh)).energy(&x, floor);
+        assert_eq!(contact_of(&remembers).energy(&x, floor), fresh, "round {round}, floor {floor}, {way:?}");
         touching += usize::from(fresh > 0.0);
         // Mostly small steps up and down, at times a long one.
         let step = if round % 7 == 6 { 8e-3 } else { 8e-4 };
@@ -155,7 +158,7 @@ fn every_sample_inside_a_block_is_found() {
     let (scene, mesh) = two_blocks([[3, 3, 2], [5, 5, 2]], 1.5e-3, spec);
     let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
     let plan = plan(&scene, &mesh);
-    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let contact = contact_of(&plan);
     let mut random = Random::new(12);
     let (mut n_inside, mut n_without_corners) = (0, 0);
     for round in 0..20 {
@@ -191,7 +194,7 @@ fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f
     let (scene, mut mesh) = two_blocks([[2, 2, 1], [3, 3, 1]], 4.5e-3, spec);
     mesh.points.iter_mut().for_each(|p| (0..3).for_each(|c| p[c] += 4e-4 * random.uniform()));
     let plan = plan(&scene, &mesh);
-    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let contact = contact_of(&plan);
     let n_upper = plan.mesh.node_sets["upper_z_max"].len() * 2;
     let X = plan.reference();
     let (mut worst, mut worst_second, mut seen) = (f64::MAX, f64::MAX, 0);
@@ -251,7 +254,7 @@ fn softened_contact_finds_the_way_back_through_thin_bodies() {
     }
     scene.contact = Some(ContactSpec { distance: 1e-3, ..ContactSpec::new(&["plate_block", "block_block"]) });
     let plan = plan(&scene, &mesh);
-    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let contact = contact_of(&plan);
     let first = 13 * 13 * 2; // of the block
     let upward = |bottom: f64, floor: f64| -> f64 {
         let mut x = plan.reference();
@@ -351,7 +354,7 @@ fn bodies_that_are_held_together_still_meet() {
 fn a_way_that_would_touch_is_bent_there_and_nowhere_else() {
     let (scene, mesh) = two_blocks([[4, 4, 3], [5, 5, 3]], 4e-4, blocks_contact());
     let plan = plan(&scene, &mesh);
-    let contact = plan.islands[0].contact.as_ref().expect("the island has contact");
+    let contact = contact_of(&plan);
     let X = plan.reference();
     let top = &plan.mesh.node_sets["upper_z_max"];
     let n_nodes = mesh.points.len() as u32;

@@ -112,30 +112,24 @@ impl Contact {
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
         let Memory { corners, others, .. } = &mut *memory;
-        let find = |point: usize, seen: &mut Vec<Seen>| search.from(point, least, farther, &[], seen);
-        let of_corners: Vec<Vec<Near>> = corners
-            .par_iter_mut()
-            .enumerate()
-            .with_min_len(64)
-            .map(|(point, seen)| if all.is_corner(point as u32) { find(point, seen) } else { Vec::new() })
-            .collect();
+        let of_corners = each(corners, |point, seen| match all.is_corner(point as u32) {
+            true => search.from(point, least, farther, &[], seen),
+            false => Vec::new(),
+        });
         if !every {
             return of_corners.into_iter().flatten().collect();
         }
-        let find = |point: usize, seen: &mut Vec<Seen>| {
+        let of_others = each(others, |point, seen| {
+            if all.is_corner(point as u32) {
+                return Vec::new();
+            }
             let way = |c: u32| (p[point] - p[c as usize]).norm();
             let ways = all.corners_of[point].map(|c| (way(c), c));
             let (way, corner) = ways.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("three corners");
             let beside = |s: &Seen| Seen { at_least: s.at_least - way, ..*s };
             let known: Vec<Seen> = corners[corner as usize].iter().map(beside).collect();
             search.from(point, least, 0.0, &known, seen)
-        };
-        let of_others: Vec<Vec<Near>> = others
-            .par_iter_mut()
-            .enumerate()
-            .with_min_len(64)
-            .map(|(point, seen)| if all.is_corner(point as u32) { Vec::new() } else { find(point, seen) })
-            .collect();
+        });
         of_corners
             .into_iter()
             .zip(of_others)
@@ -165,6 +159,11 @@ impl Contact {
         let gap = if height < 0.0 { -distance } else { distance };
         Near { point, triangle, at, out, gap, room: f64::INFINITY, beside }
     }
+}
+
+/// What is near each collision point, given what it has seen before.
+fn each(seen: &mut [Vec<Seen>], find: impl Fn(usize, &mut Vec<Seen>) -> Vec<Near> + Sync) -> Vec<Vec<Near>> {
+    seen.par_iter_mut().enumerate().with_min_len(64).map(|(point, seen)| find(point, seen)).collect()
 }
 
 /// One search for near points.

@@ -1,7 +1,7 @@
 //! Order of elimination and structure of a factor, found once per pattern.
 
 use super::Pattern;
-use super::ordering::{Supernode, by_degree, dissect};
+use super::ordering::{Supernode, by_degree, dissect, elimination_work};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -115,9 +115,7 @@ impl Analysis {
             let front = &mut self.fronts[f];
             front.rows = rows;
             let (own, all) = front.sizes();
-            let (own, passed) = (own as f64, (all - own) as f64);
-            front.work =
-                work + own * own * own / 6.0 + own * own * passed / 2.0 + own * passed * passed / 2.0;
+            front.work = work + elimination_work(own as f64, (all - own) as f64);
         }
     }
 

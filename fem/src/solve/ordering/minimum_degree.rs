@@ -5,7 +5,7 @@
 //! node joins its parent where that costs less than to pass on what is left: Duff & Reid, The multifrontal solution of indefinite
 //! sparse symmetric linear equations, ACM Trans. Math. Softw. 9 (1983), §3.
 
-use super::{Pattern, Supernode};
+use super::{Pattern, Supernode, elimination_work};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
@@ -20,8 +20,8 @@ const ROOT: u32 = u32::MAX;
 
 /// All nodes of `pattern`; `None` where the tree is too deep, as that of a chain is.
 pub fn by_degree(pattern: &Pattern) -> Option<Vec<Supernode>> {
-    let order = minimum_degree(pattern);
-    let (parent, n_rows) = elimination_tree(pattern, &order);
+    let (order, place) = minimum_degree(pattern);
+    let (parent, n_rows) = elimination_tree(pattern, &order, &place);
     let owner = amalgamate(&parent, &n_rows);
     // Parents come after their children.
     let n = order.len();
@@ -35,7 +35,7 @@ pub fn by_degree(pattern: &Pattern) -> Option<Vec<Supernode>> {
     let mut sets: Vec<Supernode> =
         (0..n).map(|_| Supernode { nodes: Vec::new(), children: Vec::new() }).collect();
     for (&node, &owner) in order.iter().zip(&owner) {
-        sets[owner as usize].nodes.push(node);
+        sets[owner as usize].nodes.push(node as u32);
     }
     let mut roots = Vec::new();
     for k in (0..n).filter(|&k| owner[k] as usize == k) {
@@ -51,33 +51,29 @@ pub fn by_degree(pattern: &Pattern) -> Option<Vec<Supernode>> {
     Some(roots)
 }
 
-/// The node eliminated at each place.
-fn minimum_degree(pattern: &Pattern) -> Vec<u32> {
+/// The node eliminated at each place, and the place of each node.
+fn minimum_degree(pattern: &Pattern) -> (Vec<usize>, Vec<usize>) {
     let n = pattern.n_nodes();
     let columns: Vec<usize> = (0..n).flat_map(|i| pattern.row(i)).map(|&j| j as usize).collect();
     let graph = SymbolicSparseColMatRef::new_checked(n, n, pattern.row_start(), None, &columns);
     let (mut order, mut place) = (vec![0; n], vec![0; n]);
-    let mut scratch = MemBuffer::new(amd::order_maybe_unsorted_scratch::<usize>(n, columns.len()));
+    let mut scratch = MemBuffer::new(amd::order_scratch::<usize>(n, columns.len()));
     let stack = MemStack::new(&mut scratch);
-    amd::order_maybe_unsorted(&mut order, &mut place, graph, amd::Control::default(), stack)
+    amd::order(&mut order, &mut place, graph, amd::Control::default(), stack)
         .expect("indices of a pattern fit a machine word");
-    order.iter().map(|&node| node as u32).collect()
+    (order, place)
 }
 
 /// Of each place in the order its parent and the number of later places that it is coupled with by then: Liu, The role of elimination
 /// trees in sparse factorization, SIAM J. Matrix Anal. Appl. 11 (1990).
-fn elimination_tree(pattern: &Pattern, order: &[u32]) -> (Vec<u32>, Vec<u32>) {
+fn elimination_tree(pattern: &Pattern, order: &[usize], place: &[usize]) -> (Vec<u32>, Vec<u32>) {
     let n = order.len();
-    let mut place = vec![0; n];
-    for (k, &node) in order.iter().enumerate() {
-        place[node as usize] = k;
-    }
     let mut parent = vec![ROOT; n];
     let mut n_rows = vec![0; n];
     let mut seen_by = vec![n; n];
     for k in 0..n {
         seen_by[k] = k;
-        for &node in pattern.row(order[k] as usize) {
+        for &node in pattern.row(order[k]) {
             // All from here up to k in the tree pass a row to k.
             let mut at = place[node as usize];
             while at < k && seen_by[at] != k {
@@ -96,7 +92,6 @@ fn elimination_tree(pattern: &Pattern, order: &[u32]) -> (Vec<u32>, Vec<u32>) {
 /// The last place of the set that each place belongs to.
 fn amalgamate(parent: &[u32], n_rows: &[u32]) -> Vec<u32> {
     let n = parent.len();
-    let work = |own: f64, rest: f64| own * own * own / 6.0 + own * rest * (own + rest) / 2.0;
     let mut owner: Vec<u32> = (0..n as u32).collect();
     let mut size = vec![1_u32; n];
     let mut children = vec![Vec::new(); n];
@@ -109,8 +104,11 @@ fn amalgamate(parent: &[u32], n_rows: &[u32]) -> Vec<u32> {
             let unknowns = |n: u32| 3.0 * f64::from(n);
             let (own, rest) = (unknowns(size[k]), unknowns(n_rows[k]));
             let (more, passed) = (unknowns(size[c]), unknowns(n_rows[c]));
-            let apart = work(own, rest) + work(more, passed) + PASS * passed * passed / 2.0 + FRONT;
-            if work(own + more, rest) < apart {
+            let apart = elimination_work(own, rest)
+                + elimination_work(more, passed)
+                + PASS * passed * passed / 2.0
+                + FRONT;
+            if elimination_work(own + more, rest) < apart {
                 size[k] += size[c];
                 owner[c] = k as u32;
             }
