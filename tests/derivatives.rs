@@ -8,7 +8,7 @@
 use fem::effect::chain::{Chain, Chains};
 use fem::effect::{DeadLoad, Effect, Lines, Membrane, NO_NODE, Pressure, Solid, State};
 use fem::effect::{line::Segment, solid::Uniform};
-use fem::element::principal::lift_isotropic;
+use fem::element::principal::lifted_tangent;
 use fem::element::{Formulation, shape};
 use fem::material::force_length::ForceLength;
 use fem::material::line::{FibreStrain, HillFibre, LineLaw, Strand, ThermalFibre};
@@ -467,24 +467,36 @@ fn clamped_matrix_is_the_nearest_semidefinite_one() {
     assert!((100..200).contains(&changed), "{changed} of 200 were changed");
 }
 
-/// In principal directions the nearest semidefinite tangent of an isotropic law is the same as on all ten components of (F, θ),
-/// compressed or stretched, with two or three equal stretches too.
+/// From principal stretches the nearest semidefinite tangent of an isotropic law is the same as on all ten components of (F, θ),
+/// compressed, stretched or turned inside out, with two or three equal stretches too; so is the tangent itself.
 #[test]
 fn isotropic_tangents_are_lifted_in_principal_directions() {
     let mut random = Random::new(31);
+    let st_venant_kirchhoff = fem::material::Law::StVenantKirchhoff(StVenantKirchhoff::from_young(30e3, 0.3));
     let laws = [
         fem::material::Law::MooneyRivlinDyna(MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 }),
         fem::material::Law::NeoHookean(NeoHookean::from_young(30e3, 0.3)),
-        fem::material::Law::StVenantKirchhoff(StVenantKirchhoff::from_young(30e3, 0.3)),
+        st_venant_kirchhoff,
     ];
     let mut changed = 0;
-    for sample in 0..300 {
+    for sample in 0..400 {
         let stretch = [1.0, 0.6, 1.7, 0.9][sample % 4];
         let noise = [0.0, 1e-9, 1e-3, 0.2][sample / 4 % 4];
-        let F = Matrix3::identity() * stretch + Matrix3::from_fn(|_, _| noise * random.uniform());
-        let law = laws[sample % 3];
-        let mut m = law.mixed_tangent(&F, F.determinant() * (1.0 + 0.1 * random.uniform()));
-        add_det_hessian(&mut m.A, &F, 2e4 * random.uniform());
+        let mut F = Matrix3::identity() * stretch + Matrix3::from_fn(|_, _| noise * random.uniform());
+        let is_inverted = sample >= 300;
+        let law = if is_inverted { st_venant_kirchhoff } else { laws[sample % 3] };
+        if is_inverted {
+            F.column_mut(sample % 3).neg_mut();
+        }
+        let theta = F.determinant() * (1.0 + 0.1 * random.uniform());
+        // Every other one: θ = J, as elements without mean dilatation have it.
+        let is_plain = sample / 16 % 2 == 1;
+        let p = if is_plain { 0.0 } else { 2e4 * random.uniform() };
+        let mut m = law.mixed_tangent(&F, theta);
+        if is_plain {
+            (m.A, m.P_theta, m.p_theta) = (law.tangent(&F), Matrix3::zeros(), 0.0);
+        }
+        add_det_hessian(&mut m.A, &F, p);
         let mut full = [[0.0; 10]; 10];
         for c in 0..9 {
             full[c][..9].copy_from_slice(&m.A.data.0[c]);
@@ -492,15 +504,18 @@ fn isotropic_tangents_are_lifted_in_principal_directions() {
         }
         full[9][9] = m.p_theta;
         let scale = full.as_flattened().iter().fold(0.0_f64, |s, v| s.max(v.abs()));
-        let share = [1.0, 0.25][sample % 2];
+        let share = [1.0, 0.25, 0.0][sample / 7 % 3];
         changed += usize::from(fem::element::psd::lift(&mut full, share));
-        assert!(lift_isotropic(&F, &mut m.A, &mut m.P_theta, &mut m.p_theta, share));
+        let psi = law.by_invariants(&F, (!is_plain).then_some(theta)).expect("an isotropic law");
+        let (A, P_theta, p_theta) = lifted_tangent(&F, &psi, p, share).expect("F is not flat");
         for c in 0..9 {
-            let away = (0..9).map(|r| (full[c][r] - m.A.data.0[c][r]).abs()).fold(0.0, f64::max);
-            assert!(away < 1e-9 * scale, "sample {sample}: {away} of {scale}");
-            assert!((full[c][9] - m.P_theta[c]).abs() < 1e-9 * scale, "sample {sample}");
+            for r in 0..9 {
+                let away = (full[c][r] - A[r / 3][c / 3][3 * (r % 3) + c % 3]).abs();
+                assert!(away < 1e-9 * scale, "sample {sample}: {away} of {scale}");
+            }
+            assert!((full[c][9] - P_theta[c]).abs() < 1e-9 * scale, "sample {sample}");
         }
-        assert!((full[9][9] - m.p_theta).abs() < 1e-9 * scale, "sample {sample}");
+        assert!((full[9][9] - p_theta).abs() < 1e-9 * scale, "sample {sample}");
     }
-    assert!(changed > 150, "only {changed} of 300 were indefinite");
+    assert!(changed > 150, "only {changed} of 400 were indefinite");
 }

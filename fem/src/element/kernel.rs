@@ -8,9 +8,9 @@
 //! Simo, Taylor & Pister, Comput Methods Appl Mech Eng 1985;51:177.
 
 use crate::element::Rule;
-use crate::element::principal::lift_isotropic;
+use crate::element::principal::lifted_tangent;
 use crate::element::psd::lift;
-use crate::material::{Material, Matrix3, Matrix9, add_det_hessian, cofactor};
+use crate::material::{Jet, Material, Matrix3, Matrix9, Mixed, add_det_hessian, cofactor};
 
 /// How the volume change enters an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,18 +153,8 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
         match formulation {
             Formulation::Plain => {
                 for g in 0..G {
-                    let mut A = law.tangent(&self.deformation_gradient(g, x));
-                    if convexity > 0.0 {
-                        let (mut none, mut zero) = (Matrix3::zeros(), 0.0);
-                        project(
-                            law,
-                            &self.deformation_gradient(g, x),
-                            &mut A,
-                            &mut none,
-                            &mut zero,
-                            convexity,
-                        );
-                    }
+                    let F = self.deformation_gradient(g, x);
+                    let A = plain_tangent(law, &F, convexity);
                     accumulate(k, &A, self.w[g], &self.dn[g]);
                 }
             }
@@ -188,19 +178,15 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
     fn mixed_hessian<L: Material>(&self, law: &L, x: &[[f64; 3]; N], convexity: f64, k: &mut Stiffness<N>) {
         let theta = self.dilatation(x);
         let F: [Matrix3; G] = std::array::from_fn(|g| self.deformation_gradient(g, x));
-        let mut mixed: [_; G] = std::array::from_fn(|g| law.mixed_tangent(&F[g], theta));
-        let p = (0..G).map(|g| self.w[g] * mixed[g].p).sum::<f64>() / self.volume;
+        let at: [_; G] = std::array::from_fn(|g| Derivatives::new(law, &F[g], theta, convexity));
+        let p = (0..G).map(|g| self.w[g] * at[g].p()).sum::<f64>() / self.volume;
         let (mut d_theta, mut coupling, mut p_theta) = ([[0.0; 3]; N], [[0.0; 3]; N], 0.0);
         for g in 0..G {
-            let m = &mut mixed[g];
-            add_det_hessian(&mut m.A, &F[g], p);
-            if convexity > 0.0 {
-                project(law, &F[g], &mut m.A, &mut m.P_theta, &mut m.p_theta, convexity);
-            }
-            accumulate(k, &m.A, self.w[g], &self.dn[g]);
+            let (A, P_theta, p_theta_g) = at[g].tangent(law, &F[g], theta, p, convexity);
+            accumulate(k, &A, self.w[g], &self.dn[g]);
             scatter(&mut d_theta, &(cofactor(&F[g]) * (self.w[g] / self.volume)), &self.dn[g]);
-            scatter(&mut coupling, &(m.P_theta * self.w[g]), &self.dn[g]);
-            p_theta += self.w[g] * m.p_theta;
+            scatter(&mut coupling, &(P_theta * self.w[g]), &self.dn[g]);
+            p_theta += self.w[g] * p_theta_g;
         }
         for a in 0..N {
             for i in 0..3 {
@@ -238,19 +224,73 @@ fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]
     }
 }
 
-/// Lower blocks of Σ w ∂N_a/∂X_j A_ijkl ∂N_b/∂X_l.
-fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Matrix9, w: f64, d: &[[f64; 3]; N]) {
-    // A reordered so that the nine entries (i, k) of each (j, l) are neighbours: one vector operation each.
-    let mut a = [[[0.0; 9]; 3]; 3];
-    for j in 0..3 {
-        for l in 0..3 {
-            for i in 0..3 {
-                for k in 0..3 {
-                    a[j][l][3 * i + k] = w * A[(i + 3 * j, k + 3 * l)];
-                }
-            }
+/// ∂²ψ/∂F_ij∂F_kl \[Pa\] as blocks (j, l), entry `3 i + k`.
+pub type Blocks = [[[f64; 9]; 3]; 3];
+
+/// Derivatives of ψ̂(F, θ) at one point: over the invariants where its tangent will be made from principal stretches.
+enum Derivatives {
+    ByInvariants(Jet<4>),
+    All(Mixed),
+}
+
+impl Derivatives {
+    fn new<L: Material>(law: &L, F: &Matrix3, theta: f64, convexity: f64) -> Derivatives {
+        let jet = if convexity > 0.0 { law.by_invariants(F, Some(theta)) } else { None };
+        jet.map_or_else(|| Derivatives::All(law.mixed_tangent(F, theta)), Derivatives::ByInvariants)
+    }
+
+    /// ∂ψ̂/∂θ \[Pa\].
+    fn p(&self) -> f64 {
+        match self {
+            Derivatives::ByInvariants(psi) => psi.g[3],
+            Derivatives::All(mixed) => mixed.p,
         }
     }
+
+    /// Second derivatives of ψ̂(F, θ) + p̄ det F less the share `convexity` of their negative curvatures, over F, F and θ, and θ.
+    fn tangent<L: Material>(
+        &self,
+        law: &L,
+        F: &Matrix3,
+        theta: f64,
+        p: f64,
+        convexity: f64,
+    ) -> (Blocks, Matrix3, f64) {
+        let mixed = match self {
+            Derivatives::ByInvariants(psi) => match lifted_tangent(F, psi, p, convexity) {
+                Some(tangent) => return tangent,
+                None => &law.mixed_tangent(F, theta),
+            },
+            Derivatives::All(mixed) => mixed,
+        };
+        let Mixed { mut A, mut P_theta, mut p_theta, .. } = *mixed;
+        add_det_hessian(&mut A, F, p);
+        project(&mut A, &mut P_theta, &mut p_theta, convexity);
+        (blocks(&A), P_theta, p_theta)
+    }
+}
+
+/// ∂P/∂F less the share `convexity` of its negative curvatures.
+fn plain_tangent<L: Material>(law: &L, F: &Matrix3, convexity: f64) -> Blocks {
+    if convexity > 0.0
+        && let Some(psi) = law.by_invariants(F, None)
+        && let Some((A, ..)) = lifted_tangent(F, &psi, 0.0, convexity)
+    {
+        return A;
+    }
+    let mut A = law.tangent(F);
+    project(&mut A, &mut Matrix3::zeros(), &mut 0.0, convexity);
+    blocks(&A)
+}
+
+fn blocks(A: &Matrix9) -> Blocks {
+    let entry = |j, l, c| A[(c / 3 + 3 * j, c % 3 + 3 * l)];
+    std::array::from_fn(|j| std::array::from_fn(|l| std::array::from_fn(|c| entry(j, l, c))))
+}
+
+/// Lower blocks of Σ w ∂N_a/∂X_j A_ijkl ∂N_b/∂X_l.
+fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Blocks, w: f64, d: &[[f64; 3]; N]) {
+    let a = A.map(|row| row.map(|block| block.map(|a| w * a)));
     for n in 0..N {
         let mut t = [[0.0; 9]; 3];
         for j in 0..3 {
@@ -268,15 +308,8 @@ fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Matrix9, w: f64, d: &[[f
 }
 
 /// [`lift`] of the 10×10 matrix over (F, θ).
-fn project<L: Material>(
-    law: &L,
-    F: &Matrix3,
-    A: &mut Matrix9,
-    P_theta: &mut Matrix3,
-    p_theta: &mut f64,
-    share: f64,
-) {
-    if law.is_isotropic() && lift_isotropic(F, A, P_theta, p_theta, share) {
+fn project(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64, share: f64) {
+    if share == 0.0 {
         return;
     }
     let mut m = [[0.0; 10]; 10];

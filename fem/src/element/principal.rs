@@ -1,65 +1,90 @@
-//! The tangent of an isotropic law made less indefinite in the principal directions of F, where it is nearly diagonal.
+//! The tangent of an isotropic law from its principal stretches, where what is indefinite about it is plain to see.
 //!
-//! With F = Σ σᵢ uᵢ⊗vᵢ and Dᵢⱼ = uᵢ⊗vⱼ the tangent couples D₁₁, D₂₂, D₃₃ (and θ) with each other, Dᵢⱼ with Dⱼᵢ, and nothing else;
-//! the eigenvectors of the pairs are Dᵢⱼ ± Dⱼᵢ. Smith, de Goes & Kim, Analytic eigensystems for isotropic distortion energies, ACM
-//! Trans. Graph. 38 (2019). A quarter of the time of [`lift`](super::psd::lift) on all ten components.
+//! With F = Σ σᵢ uᵢ⊗vᵢ and Dᵢⱼ = uᵢ⊗vⱼ the second derivatives of ψ̂(I₁, I₂, J, θ) couple D₁₁, D₂₂, D₃₃ and θ with each other by those of
+//! ψ̂(σ₁, σ₂, σ₃, θ), and Dᵢⱼ with Dⱼᵢ by
+//!
+//! a = 2ψ₁ + 2ψ₂ σₖ² on either and b = −2ψ₂ σᵢσⱼ − ψ_J σₖ between them,
+//!
+//! with eigenvectors Dᵢⱼ ± Dⱼᵢ, and nothing else; where J < 0, J = −σ₁σ₂σ₃. Smith, de Goes & Kim, Analytic eigensystems for isotropic
+//! distortion energies, ACM Trans. Graph. 38 (2019). No difference of stretches is divided by.
 
 #![allow(non_snake_case)]
 
-use super::psd::lift;
-use crate::material::{Matrix3, Matrix9};
+use super::kernel::Blocks;
+use super::psd::{lift, lifted};
+use crate::material::{Jet, Matrix3};
 use nalgebra::Vector3;
 
-/// Takes the share `share` off the negative eigenvalues of the second derivatives of an isotropic ψ̂(F, θ). Returns false where F is
-/// too flat for that; nothing is changed then.
-pub fn lift_isotropic(
-    F: &Matrix3,
-    A: &mut Matrix9,
-    P_theta: &mut Matrix3,
-    p_theta: &mut f64,
-    share: f64,
-) -> bool {
-    let Some([u, v]) = principal(F) else { return false };
-    let d: [[[f64; 9]; 3]; 3] =
-        std::array::from_fn(|i| std::array::from_fn(|j| std::array::from_fn(|e| u[i][e % 3] * v[j][e / 3])));
-    let y = d.map(|row| row.map(|d| apply(A, &d)));
-    let largest = A.amax();
-    for [i, j] in [[0, 1], [0, 2], [1, 2]] {
-        let a = 0.5 * (dot(&d[i][j], &y[i][j]) + dot(&d[j][i], &y[j][i]));
-        let b = dot(&d[i][j], &y[j][i]);
-        for sign in [1.0, -1.0] {
-            let value = a + sign * b;
-            if value < -1e-10 * largest {
-                let w: [f64; 9] = std::array::from_fn(|e| d[i][j][e] + sign * d[j][i][e]);
-                add_outer(A, -0.5 * share * value, &w, &w);
-            }
-        }
-    }
-    let t: [f64; 3] = std::array::from_fn(|i| (0..9).map(|e| P_theta[e] * d[i][i][e]).sum());
-    let stretch: [[f64; 4]; 4] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| match (i, j) {
-            (3, 3) => *p_theta,
-            (3, k) | (k, 3) => t[k],
-            _ => 0.5 * (dot(&d[i][i], &y[j][j]) + dot(&d[j][j], &y[i][i])),
-        })
+/// Second derivatives of ψ̂(F, θ) + p̄ det F less the share `share` of their negative eigenvalues: ∂²/∂F∂F, ∂²/∂F∂θ and ∂²/∂θ² \[Pa\].
+///
+/// `psi`: ψ̂ with its derivatives over I₁, I₂, J and θ; `p`: p̄ \[Pa\]. `None` where F is too flat for principal directions.
+pub fn lifted_tangent(F: &Matrix3, psi: &Jet<4>, p: f64, share: f64) -> Option<(Blocks, Matrix3, f64)> {
+    let ([u, v], sigma) = principal(F)?;
+    let side = F.determinant().signum();
+    let squared = sigma.map(|s| s * s);
+    let I1 = squared[0] + squared[1] + squared[2];
+    let [d1, d2, dJ, _] = psi.g;
+    let dJ = (dJ + p) * side;
+    // ∂(I₁, I₂, J)/∂σᵢ.
+    let slopes: [[f64; 3]; 3] = std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        [2.0 * sigma[i], 2.0 * sigma[i] * (I1 - squared[i]), side * sigma[j] * sigma[k]]
     });
-    let mut lifted = stretch;
-    if lift(&mut lifted, share) {
-        let change = |i: usize, j: usize| lifted[i][j] - stretch[i][j];
-        for i in 0..3 {
-            let w: [f64; 9] = std::array::from_fn(|e| (0..3).map(|j| change(i, j) * d[j][j][e]).sum());
-            add_outer(A, 1.0, &d[i][i], &w);
-            (0..9).for_each(|e| P_theta[e] += change(i, 3) * d[i][i][e]);
+    let along = |h: &[f64; 4], i: usize| h[0] * slopes[i][0] + h[1] * slopes[i][1] + h[2] * slopes[i][2];
+    let mut H = [[0.0; 4]; 4];
+    for i in 0..3 {
+        let row: [f64; 4] = std::array::from_fn(|m| along(&psi.h[m], i));
+        for j in 0..=i {
+            let own = match i == j {
+                true => 2.0 * (d1 + d2 * (I1 - squared[i])),
+                false => 4.0 * d2 * sigma[i] * sigma[j] + dJ * sigma[3 - i - j],
+            };
+            H[i][j] = along(&row, j) + own;
+            H[j][i] = H[i][j];
         }
-        *p_theta = lifted[3][3];
+        (H[i][3], H[3][i]) = (row[3], row[3]);
     }
-    true
+    H[3][3] = psi.h[3][3];
+    lift(&mut H, share);
+
+    // T[j][l]: what couples the columns j and l of F in the directions v.
+    let mut T = [[Matrix3::zeros(); 3]; 3];
+    let outer = u.map(|a| u.map(|b| a * b.transpose()));
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        let k = 3 - i - j;
+        let (a, b) = (2.0 * (d1 + d2 * squared[k]), -2.0 * d2 * sigma[i] * sigma[j] - dJ * sigma[k]);
+        let (sum, difference) = (lifted(a + b, share), lifted(a - b, share));
+        let (a, b) = (0.5 * (sum + difference), 0.5 * (sum - difference));
+        T[j][j] += outer[i][i] * a;
+        T[i][i] += outer[j][j] * a;
+        T[i][j] = outer[i][j] * H[i][j] + outer[j][i] * b;
+        T[j][i] = T[i][j].transpose();
+    }
+    let mut P_theta = Matrix3::zeros();
+    for i in 0..3 {
+        T[i][i] += outer[i][i] * H[i][i];
+        P_theta += u[i] * (v[i].transpose() * H[i][3]);
+    }
+    // Back to the columns of F.
+    let half: [[Matrix3; 3]; 3] = std::array::from_fn(|j| {
+        std::array::from_fn(|l| T[j][0] * v[0][l] + T[j][1] * v[1][l] + T[j][2] * v[2][l])
+    });
+    let mut blocks = [[[0.0; 9]; 3]; 3];
+    for j in 0..3 {
+        for l in 0..=j {
+            let block = half[0][l] * v[0][j] + half[1][l] * v[1][j] + half[2][l] * v[2][j];
+            // Column-major: its transpose row by row.
+            blocks[l][j].copy_from_slice(block.as_slice());
+            blocks[j][l].copy_from_slice(block.transpose().as_slice());
+        }
+    }
+    Some((blocks, P_theta, H[3][3]))
 }
 
 type Axes = [Vector3<f64>; 3];
 
-/// Orthonormal uᵢ and vᵢ with F vᵢ = σᵢ uᵢ; `None` where a σ is so small that its u is lost.
-fn principal(F: &Matrix3) -> Option<[Axes; 2]> {
+/// Orthonormal uᵢ and vᵢ, those right-handed, with F vᵢ = σᵢ uᵢ, and σᵢ; `None` where a σ is so small that its u is lost.
+fn principal(F: &Matrix3) -> Option<([Axes; 2], [f64; 3])> {
     let mut C = F.transpose() * F;
     let mut V = Matrix3::identity();
     let small = 1e-15 * C.trace();
@@ -100,28 +125,5 @@ fn principal(F: &Matrix3) -> Option<[Axes; 2]> {
     if !sigma.iter().all(|s| *s > 1e-4 * largest) {
         return None;
     }
-    Some([std::array::from_fn(|i| stretched[i] / sigma[i]), v])
-}
-
-fn dot(a: &[f64; 9], b: &[f64; 9]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn apply(A: &Matrix9, x: &[f64; 9]) -> [f64; 9] {
-    let mut y = [0.0; 9];
-    for (column, x) in A.data.0.iter().zip(x) {
-        for (y, a) in y.iter_mut().zip(column) {
-            *y += a * x;
-        }
-    }
-    y
-}
-
-/// A += factor x ⊗ y.
-fn add_outer(A: &mut Matrix9, factor: f64, x: &[f64; 9], y: &[f64; 9]) {
-    for (column, y) in A.data.0.iter_mut().zip(y) {
-        for (a, x) in column.iter_mut().zip(x) {
-            *a += factor * x * y;
-        }
-    }
+    Some(([std::array::from_fn(|i| stretched[i] / sigma[i]), v], sigma))
 }

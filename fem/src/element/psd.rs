@@ -36,6 +36,12 @@ where
     true
 }
 
+/// An eigenvalue less the share `share` of what is negative about it.
+#[inline]
+pub fn lifted(value: f64, share: f64) -> f64 {
+    value - share * value.min(0.0)
+}
+
 /// Whether A + shift I has a Cholesky factor.
 fn is_positive<const D: usize>(A: &[[f64; D]; D], shift: f64) -> bool {
     let mut l = *A;

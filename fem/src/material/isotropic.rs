@@ -30,8 +30,15 @@ fn invariants(F: &Matrix3) -> (f64, f64, f64, Matrix3) {
 }
 
 impl<L: Isotropic> Material for L {
-    fn is_isotropic(&self) -> bool {
-        true
+    fn by_invariants(&self, F: &Matrix3, theta: Option<f64>) -> Option<Jet<4>> {
+        let (I1, I2, J, _) = invariants(F);
+        Some(match theta {
+            Some(theta) => self.mixed_jet(I1, I2, J, theta),
+            None => {
+                let J = Jet::variable(J, 2);
+                self.psi(Jet::variable(I1, 0), Jet::variable(I2, 1), J, J)
+            }
+        })
     }
 
     fn energy(&self, F: &Matrix3) -> f64 {

@@ -41,8 +41,8 @@ impl Material for Law {
     fn tangent(&self, F: &Matrix3) -> Matrix9 {
         each!(self, law => law.tangent(F))
     }
-    fn is_isotropic(&self) -> bool {
-        each!(self, law => law.is_isotropic())
+    fn by_invariants(&self, F: &Matrix3, theta: Option<f64>) -> Option<Jet<4>> {
+        each!(self, law => law.by_invariants(F, theta))
     }
     fn mixed_energy(&self, F: &Matrix3, theta: f64) -> f64 {
         each!(self, law => law.mixed_energy(F, theta))

@@ -60,9 +60,9 @@ pub trait Material: Copy + Send + Sync {
     fn stress(&self, F: &Matrix3) -> Matrix3;
     /// ∂P/∂F \[Pa\], 9×9: row `i + 3j` is P_ij, column `k + 3l` is F_kl. Needs a finite energy.
     fn tangent(&self, F: &Matrix3) -> Matrix9;
-    /// Whether ψ depends on the principal stretches and det F alone.
-    fn is_isotropic(&self) -> bool {
-        false
+    /// ψ̂(F, θ) with its derivatives over I₁, I₂, J and θ where it depends on these alone; θ = J where none is given.
+    fn by_invariants(&self, _F: &Matrix3, _theta: Option<f64>) -> Option<Jet<4>> {
+        None
     }
 
     /// ψ̂(F, θ) \[J/m³\]: the density with the volume ratio θ taken from elsewhere (the mean over an element), so that

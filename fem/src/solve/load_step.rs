@@ -19,6 +19,8 @@ const LEAST_CARRY: f64 = 1.0 / 256.0;
 const ON_THE_WAY: f64 = 0.05;
 /// The same where cells would fold while softened contact is carried along: most folds are gone long before equilibrium.
 const UNFOLDED: f64 = 0.5;
+/// The same where what is left of overlaps does not let itself be parted.
+const CLOSER: f64 = 0.01;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other.
@@ -53,12 +55,13 @@ impl Run<'_> {
     ) -> Result<f64, Box<NotConverged>> {
         self.convexity = Convexity::none();
         self.met_indefinite = false;
-        let reached = if self.carry_softly(potential, x, t, target) {
-            target
-        } else {
-            let reached = self.carry_over(potential, x, t, target)?;
-            self.may_approach = true;
-            reached
+        let reached = match self.carry_softly(potential, x, t, target) {
+            Some(reached) => reached,
+            None => {
+                let reached = self.carry_over(potential, x, t, target)?;
+                self.may_approach = true;
+                reached
+            }
         };
         if reached < target {
             // On the way nobody asks for the equilibrium but the next piece of it, which starts from it.
@@ -104,8 +107,11 @@ impl Run<'_> {
     /// whether that led to a place where nothing overlaps. It is not tried again in this load step.
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
+        let hardest = FLOORS[FLOORS.len() - 1];
         FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor, ON_THE_WAY))
-            && potential.part(x)
+            && (potential.part(x)
+                // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
+                || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x))
             && is_sound(potential, x, 0.0)
     }
 
@@ -137,13 +143,19 @@ impl Run<'_> {
         there
     }
 
-    /// Moves the load to `target` and lets the potential carry the free nodes along through whatever they touch, to equilibrium with
-    /// softened contact, and some way towards it where cells would fold before; returns whether that ended at a place where nothing overlaps, and
-    /// otherwise leaves `x` and the load `t`. Where nothing touches or folds on the way there is nothing to gain by it.
-    fn carry_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], t: f64, target: f64) -> bool {
+    /// Moves the load towards `target` and lets the potential carry the free nodes along through whatever they touch, to equilibrium with
+    /// softened contact, and some way towards it where cells would fold before; returns the load reached where that ended at a place where
+    /// nothing overlaps, and otherwise leaves `x` and the load `t`. Where nothing touches or folds on the way there is nothing to gain by it.
+    fn carry_softly(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        t: f64,
+        target: f64,
+    ) -> Option<f64> {
         let n = potential.n_pieces(target);
         if n == 0 || !potential.soften(FLOORS[0]) {
-            return false;
+            return None;
         }
         potential.soften(0.0);
         let start = x.to_vec();
@@ -183,16 +195,20 @@ impl Run<'_> {
             // Where that does not get it any farther, nearer to equilibrium it may.
             let is_stuck = piece == from && enough == ON_THE_WAY;
             enough = if piece == from { ON_THE_WAY } else { UNFOLDED };
-            if is_stuck || !self.relax(potential, x, load(piece), FLOORS[0], enough) {
+            if is_stuck {
+                // The rest is another way: shorter pieces, from where surfaces are apart again.
+                break piece > 0 && self.equilibrate_softly(potential, x, load(piece));
+            }
+            if !self.relax(potential, x, load(piece), FLOORS[0], enough) {
                 break false;
             }
         };
-        tracing::debug!(island = %self.name, step = self.step, from = t, target, folds, done, "carried along softly");
+        tracing::debug!(island = %self.name, step = self.step, from = t, to = load(piece), target, folds, done, "carried along softly");
         if !done {
             x.copy_from_slice(&start);
             potential.set_load(t, x);
         }
-        done
+        done.then(|| load(piece))
     }
 
     /// Moves the load to `target`, or as far as contact allows, and the free nodes along with it; returns the load.
