@@ -38,20 +38,20 @@ impl Contact {
         self.mode == Mode::Guarded && self.surfaces.list.iter().all(|s| s.thickness > 0.0)
     }
 
-    /// How far a node may move in one step, an edge at least \[m\].
-    fn longest(&self) -> f64 {
+    /// How far a node may move in one step where barriers are softened, an edge at least \[m\].
+    pub fn longest_soft_step(&self) -> f64 {
         let thickest = self.surfaces.list.iter().map(|s| s.thickness).fold(0.0, f64::max);
         self.surfaces.edge_length.max(LONGEST * thickest)
     }
 
     /// Points inside a surface with the collision points at `p`.
     fn soft_inside(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Near> {
-        self.near_within(p, sampled(floor), &|_, _| 0.0, self.longest(), 0.0)
+        self.near_within(p, sampled(floor), &|_, _| 0.0, self.longest_soft_step(), 0.0)
     }
 
     /// Points that may come into a surface where the collision points at `p` go the ways `u`, none farther than a step may.
     fn soft_ahead(&self, p: &[Vector3<f64>], u: &[Vector3<f64>], floor: f64) -> Vec<Near> {
-        let (all, longest) = (&self.surfaces, self.longest());
+        let (all, longest) = (&self.surfaces, self.longest_soft_step());
         let farthest = |s: &Surface| largest(s.samples.clone().map(|i| u[i]));
         let ways: Vec<f64> = all.list.iter().map(farthest).collect();
         let least = |point: usize, other: usize| (u[point].norm() + ways[other]).min(longest);
@@ -100,7 +100,7 @@ impl Contact {
         let all = &self.surfaces;
         let start = all.positions(from);
         let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
-        let mut share = (self.longest() / largest(u.iter().copied())).min(1.0);
+        let mut share = (self.longest_soft_step() / largest(u.iter().copied())).min(1.0);
         let ahead: Vec<Vector3<f64>> = u.iter().map(|u| u * share).collect();
         for n in self.soft_ahead(&start, &ahead, floor) {
             let corners = all.triangles[n.triangle as usize];

@@ -228,6 +228,7 @@ fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]
 pub type Blocks = [[[f64; 9]; 3]; 3];
 
 /// Derivatives of ψ̂(F, θ) at one point: over the invariants where its tangent will be made from principal stretches.
+#[allow(clippy::large_enum_variant)] // eight of them, on the stack
 enum Derivatives {
     ByInvariants(Jet<4>),
     All(Mixed),

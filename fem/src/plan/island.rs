@@ -582,6 +582,13 @@ impl Potential for LoadedIsland {
         }
     }
 
+    fn longest_step(&self) -> f64 {
+        match self.floor {
+            0.0 => f64::INFINITY,
+            _ => self.contact(Contact::longest_soft_step).unwrap_or(f64::INFINITY),
+        }
+    }
+
     fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
         let share = |contact: &Contact| {
             let to = self.expand(x);

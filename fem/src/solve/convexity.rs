@@ -27,9 +27,16 @@ impl Convexity {
         Convexity { next: 0.0, enough: FIRST, may_fall: true, patience: Patience::new(LONGEST_WAIT) }
     }
 
+    /// Starts with all of it, for two iterations.
+    pub(super) fn falling() -> Convexity {
+        let mut falling = Convexity { next: 1.0, enough: 1.0, ..Convexity::none() };
+        falling.patience.fail();
+        falling
+    }
+
     /// All of it, whatever would do: for a way on which a Hessian costs more than what less convexity saves.
     pub(super) fn full() -> Convexity {
-        Convexity { next: 1.0, enough: 1.0, may_fall: false, ..Convexity::none() }
+        Convexity { may_fall: false, ..Convexity::falling() }
     }
 
     /// Less than `FIRST` is not tried next.

@@ -56,7 +56,13 @@ impl Run<'_> {
         self.convexity = Convexity::none();
         self.met_indefinite = false;
         let reached = match self.carry_softly(potential, x, t, target) {
-            Some(reached) => reached,
+            Some(reached) => {
+                // Near a guess the true Hessian is hardly ever definite; whether it is counts only where stability does.
+                if self.settings.stability == Stability::Never {
+                    self.convexity = Convexity::falling();
+                }
+                reached
+            }
             None => {
                 let reached = self.carry_over(potential, x, t, target)?;
                 self.may_approach = true;

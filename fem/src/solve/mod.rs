@@ -79,6 +79,11 @@ pub trait Potential: Send + Sync {
         Vec::new()
     }
 
+    /// How far a node may go in one step \[m\].
+    fn longest_step(&self) -> f64 {
+        f64::INFINITY
+    }
+
     /// Greatest share 0..=1 of the straight way from the places `from` ([`touching`](Potential::touching)) to those at `x` and
     /// the present load on which nothing touches.
     fn free_share(&self, _from: &[f64], _x: &[f64]) -> f64 {

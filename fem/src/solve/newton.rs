@@ -10,6 +10,8 @@ use std::time::Instant;
 
 /// Length of a step below which softened contact is asked for a better guess.
 const CUT_SHORT: f64 = 0.25;
+/// Share of the slope of a Newton direction that has to be left where the ways of single nodes are shortened.
+const LEAST_SLOPE: f64 = 0.1;
 
 /// One call of `advance`.
 pub(super) struct Run<'a> {
@@ -75,6 +77,7 @@ impl Run<'_> {
             let rhs: Vec<f64> = g.iter().map(|g| -g).collect();
             let (report, projected) = self.direction(potential, x, rhs, forcing, &mut dx)?;
             let assembly = Instant::now();
+            shorten(&mut dx, &g, potential.longest_step());
             let length = match self.line_search(
                 potential,
                 x,
@@ -252,5 +255,22 @@ impl Run<'_> {
             det_f,
             place,
         })
+    }
+}
+
+/// Shortens the ways of those nodes that go farther than `longest` \[m\], so that these few do not hold up all others; leaves `dx` where
+/// too little of the descent along the gradient `g` would remain.
+fn shorten(dx: &mut [f64], g: &[f64], longest: f64) {
+    let length = |u: &[f64]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+    if dx.chunks_exact(3).all(|u| length(u) <= longest) {
+        return;
+    }
+    let mut short = dx.to_vec();
+    for u in short.chunks_exact_mut(3) {
+        let share = (longest / length(u)).min(1.0);
+        u.iter_mut().for_each(|u| *u *= share);
+    }
+    if dot(g, &short) <= LEAST_SLOPE * dot(g, dx) {
+        dx.copy_from_slice(&short);
     }
 }
