@@ -5,7 +5,7 @@
 //!
 //! a = 2ψ₁ + 2ψ₂ σₖ² on either and b = −2ψ₂ σᵢσⱼ − ψ_J σₖ between them,
 //!
-//! with eigenvectors Dᵢⱼ ± Dⱼᵢ, and nothing else; where J < 0, J = −σ₁σ₂σ₃. Smith, de Goes & Kim, Analytic eigensystems for isotropic
+//! with eigenvectors Dᵢⱼ ± Dⱼᵢ, and nothing else. Here ψ_J is the slope over σ₁σ₂σ₃, which is −J where J < 0, with p̄ in it. Smith, de Goes & Kim, Analytic eigensystems for isotropic
 //! distortion energies, ACM Trans. Graph. 38 (2019). No difference of stretches is divided by.
 
 #![allow(non_snake_case)]

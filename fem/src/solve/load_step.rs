@@ -44,8 +44,8 @@ fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
 }
 
 impl Run<'_> {
-    /// From the equilibrium at `t` to that at `target`, or as far as contact lets the load be carried over at once;
-    /// returns the load reached.
+    /// From the equilibrium at `t` to that at `target`, or as far as contact and folding cells let the load be carried over at
+    /// once; returns the load reached.
     pub(super) fn load_step(
         &mut self,
         potential: &mut dyn Loading,
@@ -55,6 +55,8 @@ impl Run<'_> {
     ) -> Result<f64, Box<NotConverged>> {
         self.convexity = Convexity::none();
         self.met_indefinite = false;
+        self.may_approach = false;
+        self.tolerance = self.settings.tolerance;
         let reached = match self.carry_softly(potential, x, t, target) {
             Some(reached) => {
                 // Near a guess the true Hessian is hardly ever definite; whether it is counts only where stability does.
@@ -132,7 +134,8 @@ impl Run<'_> {
         enough: f64,
     ) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
-        self.tolerance = tolerance.max(enough);
+        let may_approach = std::mem::replace(&mut self.may_approach, false);
+        self.tolerance = self.settings.tolerance.max(enough);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
         let before = std::mem::replace(&mut self.convexity, Convexity::full());
@@ -143,6 +146,7 @@ impl Run<'_> {
         }
         let there = matches!(outcome, Some(Ok(())));
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
+        self.may_approach = may_approach;
         self.convexity = before;
         potential.soften(0.0);
         self.linear.forget();
@@ -202,14 +206,14 @@ impl Run<'_> {
             let is_stuck = piece == from && enough == ON_THE_WAY;
             enough = if piece == from { ON_THE_WAY } else { UNFOLDED };
             if is_stuck {
-                // The rest is another way: shorter pieces, from where surfaces are apart again.
+                // The rest is a load step of its own, from where surfaces are apart again.
                 break piece > 0 && self.equilibrate_softly(potential, x, load(piece));
             }
             if !self.relax(potential, x, load(piece), FLOORS[0], enough) {
                 break false;
             }
         };
-        tracing::debug!(island = %self.name, step = self.step, from = t, to = load(piece), target, folds, done, "carried along softly");
+        tracing::debug!(island = %self.name, step = self.step, from = t, target, piece, n, folds, done, "carried along softly");
         if !done {
             x.copy_from_slice(&start);
             potential.set_load(t, x);

@@ -79,7 +79,7 @@ pub trait Potential: Send + Sync {
         Vec::new()
     }
 
-    /// How far a node may go in one step \[m\].
+    /// How far a node may go in one step of Newton's method \[m\].
     fn longest_step(&self) -> f64 {
         f64::INFINITY
     }

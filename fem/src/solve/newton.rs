@@ -77,16 +77,15 @@ impl Run<'_> {
             let rhs: Vec<f64> = g.iter().map(|g| -g).collect();
             let (report, projected) = self.direction(potential, x, rhs, forcing, &mut dx)?;
             let assembly = Instant::now();
-            shorten(&mut dx, &g, potential.longest_step());
-            let length = match self.line_search(
-                potential,
-                x,
-                &g,
-                &dx,
-                energy_round_off(self.k, x),
-                &mut energy,
-                &mut trial,
-            ) {
+            let short = shortened(&dx, &g, potential.longest_step());
+            let floor = energy_round_off(self.k, x);
+            let mut search =
+                |dx: &[f64]| self.line_search(potential, x, &g, dx, floor, &mut energy, &mut trial);
+            let mut found = search(short.as_deref().unwrap_or(&dx));
+            if found.is_err() && short.is_some() {
+                found = search(&dx);
+            }
+            let length = match found {
                 Ok(length) => length,
                 // Round-off, not the mechanics, ends the descent a little above the estimate.
                 Err(_) if residual <= 100.0 * round_off(self.k, x) => {
@@ -258,19 +257,17 @@ impl Run<'_> {
     }
 }
 
-/// Shortens the ways of those nodes that go farther than `longest` \[m\], so that these few do not hold up all others; leaves `dx` where
-/// too little of the descent along the gradient `g` would remain.
-fn shorten(dx: &mut [f64], g: &[f64], longest: f64) {
+/// The step `dx` with shorter ways of those nodes that go farther than `longest` \[m\], so that these few do not hold up all others; `None`
+/// where there are none, or too little of the descent along the gradient `g` would remain.
+fn shortened(dx: &[f64], g: &[f64], longest: f64) -> Option<Vec<f64>> {
     let length = |u: &[f64]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
     if dx.chunks_exact(3).all(|u| length(u) <= longest) {
-        return;
+        return None;
     }
     let mut short = dx.to_vec();
     for u in short.chunks_exact_mut(3) {
         let share = (longest / length(u)).min(1.0);
         u.iter_mut().for_each(|u| *u *= share);
     }
-    if dot(g, &short) <= LEAST_SLOPE * dot(g, dx) {
-        dx.copy_from_slice(&short);
-    }
+    (dot(g, &short) <= LEAST_SLOPE * dot(g, dx)).then_some(short)
 }

@@ -25,7 +25,8 @@ pub struct Advance {
     /// Least det F at the end.
     pub least_det_f: f64,
     /// Load steps (their ends) on whose way the Hessian was indefinite: buckling or a limit point is near, or the
-    /// start of the step was far from equilibrium.
+    /// start of the step was far from equilibrium. Without stability checks softened contact, and the first two iterations
+    /// after it, do not look.
     pub indefinite_at: Vec<f64>,
     /// Loads at which an equilibrium was found unstable (buckling, snap-through) and left for a stable one.
     pub unstable_at: Vec<f64>,
