@@ -99,11 +99,11 @@ impl Contact {
             memory.others = p.iter().map(|_| Vec::new()).collect();
         }
         memory.all = every;
-        let moved: Vec<f64> = p.iter().zip(&memory.p).map(|(now, then)| (now - then).norm()).collect();
+        let moved: Vec<f64> = p.par_iter().zip(&memory.p).map(|(now, then)| (now - then).norm()).collect();
         let way = |s: &Surface| {
             s.samples.clone().map(|i| moved[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })
         };
-        let ways: Vec<f64> = all.list.iter().map(way).collect();
+        let ways: Vec<f64> = all.list.par_iter().map(way).collect();
         memory.p.copy_from_slice(p);
         let fitted = self.fitted(p);
         let boxes = fitted.iter().map(|f| f.whole().grown(view)).collect();

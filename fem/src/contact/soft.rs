@@ -19,6 +19,7 @@ use super::stencil::{Law, Stencil};
 use super::surface::Surface;
 use super::{Contact, Mode};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 /// Share of the thickness of the thickest body that a node may move in one step, and up to which points are looked for inside.
 const LONGEST: f64 = 0.5;
@@ -53,7 +54,7 @@ impl Contact {
     fn soft_ahead(&self, p: &[Vector3<f64>], u: &[Vector3<f64>], floor: f64) -> Vec<Near> {
         let (all, longest) = (&self.surfaces, self.longest_soft_step());
         let farthest = |s: &Surface| largest(s.samples.clone().map(|i| u[i]));
-        let ways: Vec<f64> = all.list.iter().map(farthest).collect();
+        let ways: Vec<f64> = all.list.par_iter().map(farthest).collect();
         let least = |point: usize, other: usize| (u[point].norm() + ways[other]).min(longest);
         self.near_within(p, sampled(floor), &least, longest, 0.0)
     }
@@ -99,9 +100,10 @@ impl Contact {
     pub fn soft_share(&self, from: &[f64], to: &[f64], floor: f64) -> f64 {
         let all = &self.surfaces;
         let start = all.positions(from);
-        let u: Vec<Vector3<f64>> = all.positions(to).iter().zip(&start).map(|(to, from)| to - from).collect();
+        let u: Vec<Vector3<f64>> =
+            all.positions(to).par_iter().zip(&start).map(|(to, from)| to - from).collect();
         let mut share = (self.longest_soft_step() / largest(u.iter().copied())).min(1.0);
-        let ahead: Vec<Vector3<f64>> = u.iter().map(|u| u * share).collect();
+        let ahead: Vec<Vector3<f64>> = u.par_iter().map(|u| u * share).collect();
         for n in self.soft_ahead(&start, &ahead, floor) {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();

@@ -322,7 +322,7 @@ impl Surfaces {
 
     /// Positions of all collision points.
     pub fn positions(&self, x: &[f64]) -> Vec<Vector3<f64>> {
-        self.points.iter().map(|p| p.at(x)).collect()
+        self.points.par_iter().with_min_len(1024).map(|p| p.at(x)).collect()
     }
 
     /// Surface of a collision point.

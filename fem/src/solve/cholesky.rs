@@ -135,7 +135,8 @@ impl<T: Scalar> Cholesky<T> {
         let n = analysis.n_values();
         if values.capacity() < n {
             *values = Vec::new(); // given back before more is taken
-            values.reserve_exact(n);
+            // The next joint matrix is often a little larger, and memory that is not touched costs nothing.
+            values.reserve_exact(n + n / 4);
         }
         values.resize(n, T::default());
         let mut rest = &mut values[..];
