@@ -7,6 +7,7 @@ use fem::plan::Plan;
 use fem::run::{Drive, DriveFrame, Frame, run};
 use fem::scene::{ContactMode, ContactSpec, ForceSpec, Scene};
 use fem::solve::Settings;
+use std::collections::BTreeSet;
 use support::contact_scenes::{intersections, moved, ramp, two_blocks};
 use support::fem_scenes::held;
 
@@ -17,6 +18,8 @@ pub const CASES: &[Case] = &[
     Case { id: "b06", title: "compression to 0.7, cheap", tier: Tier::Quick, run: compression_cheap },
     Case { id: "b06", title: "sliding after compression, guarded", tier: Tier::Full, run: sliding_guarded },
     Case { id: "b06", title: "sliding after compression, cheap", tier: Tier::Full, run: sliding_cheap },
+    Case { id: "b06w", title: "sliding on a wide block, guarded", tier: Tier::Full, run: wide_guarded },
+    Case { id: "b06w", title: "sliding on a wide block, cheap", tier: Tier::Full, run: wide_cheap },
     Case { id: "b06e", title: "work of the sliding force, guarded", tier: Tier::Full, run: work_guarded },
     Case { id: "b06e", title: "work of the sliding force, cheap", tier: Tier::Full, run: work_cheap },
     Case { id: "C9", title: "mesh ratio 10 to 1, guarded", tier: Tier::Full, run: unequal_meshes_guarded },
@@ -136,11 +139,37 @@ struct Slid {
     energy: [f64; 2],
 }
 
+/// Makes two blocks of so many cells that press in a mode from a distance \[m\] on.
+type Blocks = fn([[usize; 3]; 2], ContactMode, f64) -> (Scene, Mesh);
+
+/// As [`blocks`], but the lower one has three times the length and as many cells, and the upper one stands on its middle.
+fn wide_blocks(n: [[usize; 3]; 2], mode: ContactMode, distance: f64) -> (Scene, Mesh) {
+    let (scene, mut mesh) = blocks([[3 * n[0][0], n[0][1], n[0][2]], n[1]], mode, distance);
+    let lower: BTreeSet<u32> = mesh.blocks[0].nodes.iter().copied().collect();
+    for node in lower {
+        let x = &mut mesh.points[node as usize][0];
+        *x = 3.0 * *x - 0.02;
+    }
+    (scene, mesh)
+}
+
+/// As [`wide_blocks`], with all faces of both blocks in contact, so that surfaces have no rims.
+fn wide_blocks_closed(n: [[usize; 3]; 2], mode: ContactMode, distance: f64) -> (Scene, Mesh) {
+    let (scene, mut mesh) = wide_blocks(n, mode, distance);
+    for surface in SURFACES {
+        let block = surface.split('_').next().expect("block_face");
+        let faces = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+        let closed = faces.iter().flat_map(|f| mesh.surfaces[&format!("{block}_{f}")].clone()).collect();
+        mesh.surfaces.insert(surface.into(), closed);
+    }
+    (scene, mesh)
+}
+
 /// Frames of a slide.
 const STEPS: usize = 48;
 
-/// The upper block, compressed by `down` \[m\], slides by 3 mm.
-fn slide(mode: ContactMode, down: f64) -> Result<Vec<Slid>, String> {
+/// The upper block, compressed by `down` \[m\], slides by 3 mm on the lower one.
+fn slide(mode: ContactMode, down: f64, blocks: Blocks) -> Result<Vec<Slid>, String> {
     let distance = if mode == ContactMode::Guarded { 5e-5 } else { 3e-5 };
     let (mut scene, mesh) = blocks(B06, mode, distance);
     scene.prescribed.retain(|p| p.nodes != "upper_x_min");
@@ -172,7 +201,7 @@ fn slide(mode: ContactMode, down: f64) -> Result<Vec<Slid>, String> {
 /// to ε; `b06e` compares with the energy.
 fn sliding(mode: ContactMode) -> Outcome {
     let ratios = |down: f64| -> Result<Vec<f64>, String> {
-        let slid = slide(mode, down).map_err(|e| format!("compressed by {down} m: {e}"))?;
+        let slid = slide(mode, down, blocks).map_err(|e| format!("compressed by {down} m: {e}"))?;
         Ok(slid.iter().step_by(STEPS / 3).map(|s| s.force[0] / s.force[1]).collect())
     };
     let (coarse, small) = (ratios(6e-3)?, ratios(6e-4)?);
@@ -194,10 +223,39 @@ fn sliding_cheap() -> Outcome {
     sliding(ContactMode::Cheap)
 }
 
+/// b06 where mechanics allows it: the lower surface goes on beyond the upper one, so that sliding changes no energy. The first
+/// surfaces are judged. Compressed by 3 %: at 30 % the rim sinks into cells as large as its depth and is held by them.
+fn wide(mode: ContactMode, variants: [(&str, Blocks); 2]) -> Outcome {
+    let ratios = variants.map(|(name, blocks)| -> Result<(f64, String), String> {
+        let slid = slide(mode, 6e-4, blocks)?;
+        let ratios = slid.iter().map(|s| 100.0 * s.force[0] / s.force[1]);
+        let (mean, worst) =
+            ratios.fold((0.0, 0.0_f64), |(sum, m), r| (sum + r / slid.len() as f64, m.max(r.abs())));
+        Ok((
+            worst,
+            format!("{name} surfaces at most {worst:.2} % of the normal force, {mean:+.2} % in the mean"),
+        ))
+    });
+    let [judged, other] = ratios;
+    let (worst, text) = judged?;
+    let text = format!("{text}; not judged: {}", other.map_or_else(|e| e, |o| o.1));
+    if worst < 0.5 { Ok(text) } else { Err(text) }
+}
+
+/// Open surfaces catch with their rims on facets.
+fn wide_guarded() -> Outcome {
+    wide(ContactMode::Guarded, [("closed", wide_blocks_closed), ("open", wide_blocks)])
+}
+
+/// Closed surfaces press on the flanks of the upper block where it has sunk in.
+fn wide_cheap() -> Outcome {
+    wide(ContactMode::Cheap, [("open", wide_blocks), ("closed", wide_blocks_closed)])
+}
+
 /// The driving force does the work by which the energy of the blocks changes (trapezoidal rule) to 0.5 % of the normal force along the
 /// way. What is missing was released where the surfaces snapped into another state.
 fn work(mode: ContactMode) -> Outcome {
-    let slid = slide(mode, 6e-3)?;
+    let slid = slide(mode, 6e-3, blocks)?;
     let change = |s: &Slid, e: usize| s.energy[e] - slid[0].energy[e];
     let (mut worst, mut work, mut snap) = (0.0_f64, 0.0, [0.0, 0.0]);
     for pair in slid.windows(2) {

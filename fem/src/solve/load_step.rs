@@ -77,7 +77,6 @@ impl Run<'_> {
             self.newton(potential, x, reached)?;
             return Ok(reached);
         }
-        self.tolerance = self.settings.tolerance;
         let mut kicks = 0;
         loop {
             self.newton(potential, x, target)?;

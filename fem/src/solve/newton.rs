@@ -261,7 +261,7 @@ impl Run<'_> {
 /// where there are none, or too little of the descent along the gradient `g` would remain.
 fn shortened(dx: &[f64], g: &[f64], longest: f64) -> Option<Vec<f64>> {
     let length = |u: &[f64]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
-    if dx.chunks_exact(3).all(|u| length(u) <= longest) {
+    if longest == f64::INFINITY || dx.chunks_exact(3).all(|u| length(u) <= longest) {
         return None;
     }
     let mut short = dx.to_vec();
