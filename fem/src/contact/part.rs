@@ -17,7 +17,7 @@ const PATIENCE: usize = 10;
 const GAIN: f64 = 0.01;
 /// Share of the shortest edge at a node that it moves in one round: farther, a small face would turn over, and with it inside and outside.
 const STRIDE: f64 = 0.3;
-/// Least weight of a node in a point that is moved by it.
+/// Least weight of a node in a motion for which it is moved.
 const WEIGHTY: f64 = 0.05;
 
 /// What is too close, or overlaps.
@@ -100,40 +100,41 @@ impl Contact {
         moves: &dyn Fn(u32) -> bool,
     ) -> BTreeMap<u32, Vector3<f64>> {
         let mut wishes = BTreeMap::<u32, Vector3<f64>>::new();
-        let mut push = |a: &[u32], b: &[u32], way: Vector3<f64>| {
-            let side = |points: &[u32]| -> Vec<u32> {
-                let nodes = points.iter().flat_map(|&p| self.surfaces.points[p as usize].parts());
-                nodes
-                    .filter(|(node, weight)| *weight > WEIGHTY && moves(*node))
-                    .map(|(node, _)| node)
-                    .collect()
-            };
-            let (mine, theirs) = (side(a), side(b));
-            let share = if mine.is_empty() || theirs.is_empty() { 1.0 } else { 0.5 };
-            for (nodes, way) in [(mine, way * share), (theirs, -way * share)] {
-                for node in nodes {
-                    let wish = wishes.entry(node).or_default();
-                    if way.norm() > wish.norm() {
-                        *wish = way;
+        // Points with their shares in the one that moves, on either side; the least motion of the nodes that brings it about.
+        let mut push = |a: &[(u32, f64)], b: &[(u32, f64)], way: Vector3<f64>| {
+            let mut nodes = BTreeMap::<u32, f64>::new();
+            for (side, points) in [(1.0, a), (-1.0, b)] {
+                for &(point, share) in points {
+                    for (node, weight) in self.surfaces.points[point as usize].parts() {
+                        *nodes.entry(node).or_default() += side * share * weight;
                     }
+                }
+            }
+            nodes.retain(|&node, weight| weight.abs() > WEIGHTY && moves(node));
+            let sum: f64 = nodes.values().map(|w| w * w).sum();
+            for (node, weight) in nodes {
+                let (wish, way) = (wishes.entry(node).or_default(), way * (weight / sum));
+                if way.norm() > wish.norm() {
+                    *wish = way;
                 }
             }
         };
         for n in &found.near {
             let corners = self.surfaces.triangles[n.triangle as usize];
-            let weighty: Vec<u32> = (0..3).filter(|&c| n.at[c] > WEIGHTY).map(|c| corners[c]).collect();
-            push(&[n.point], &weighty, n.out * (1.05 * gap - n.gap));
+            let at: [(u32, f64); 3] = std::array::from_fn(|c| (corners[c], n.at[c]));
+            push(&[(n.point, 1.0)], &at, n.out * (1.05 * gap - n.gap));
         }
         let normals = if found.crossings.is_empty() { Vec::new() } else { self.normals(p) };
         for &[e, t] in &found.crossings {
-            let ends = self.surfaces.edges[e as usize].points;
+            let halves = |e: u32| self.surfaces.edges[e as usize].points.map(|point| (point, 0.5));
             match self.way_back(e, t, gap, p, &normals) {
-                Some((f, way)) => push(&ends, &self.surfaces.edges[f as usize].points, way),
+                Some((f, way)) => push(&halves(e), &halves(f), way),
                 // Through a triangle alone: it leaves by the front, bit by bit.
                 None => {
                     let corners = self.surfaces.triangles[t as usize];
                     let [a, b, c] = corners.map(|c| p[c as usize]);
-                    push(&ends, &corners, (b - a).cross(&(c - a)).normalize() * gap);
+                    let thirds = corners.map(|corner| (corner, 1.0 / 3.0));
+                    push(&halves(e), &thirds, (b - a).cross(&(c - a)).normalize() * gap);
                 }
             }
         }

@@ -25,6 +25,8 @@ const CLOSER: f64 = 0.01;
 const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other.
 const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
+/// Softened contact that fails goes half as far, down to the whole way divided by this.
+const SHORTEST_SOFT_WAY: usize = 4;
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Attempts to carry the load over within one load step.
@@ -41,6 +43,17 @@ fn admitted(potential: &dyn Loading, places: &[f64], trial: &mut [f64]) -> f64 {
 /// Whether no element is inverted at `x`, and none flatter than `least` where that is a bound.
 fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
     potential.energy(x).is_finite() && (least <= 0.0 || potential.least_det_f(x).0 >= least)
+}
+
+/// How a way through softened contact ended.
+#[derive(Debug, PartialEq)]
+enum Soft {
+    /// After so many pieces, where nothing overlaps.
+    Apart(usize),
+    /// In overlaps that could not be parted, or before.
+    Overlapping,
+    /// Nothing touches or folds on the way.
+    Needless,
 }
 
 impl Run<'_> {
@@ -152,9 +165,9 @@ impl Run<'_> {
         there
     }
 
-    /// Moves the load towards `target` and lets the potential carry the free nodes along through whatever they touch, to equilibrium with
-    /// softened contact, and some way towards it where cells would fold before; returns the load reached where that ended at a place where
-    /// nothing overlaps, and otherwise leaves `x` and the load `t`. Where nothing touches or folds on the way there is nothing to gain by it.
+    /// Moves the load towards `target` through whatever the free nodes touch, see [`carry_pieces_softly`](Self::carry_pieces_softly), and
+    /// half as far where that ends in overlaps that cannot be parted; returns the load reached, and otherwise leaves `x` and the load `t`.
+    /// Where nothing touches or folds on the way there is nothing to gain by it.
     fn carry_softly(
         &mut self,
         potential: &mut dyn Loading,
@@ -167,16 +180,41 @@ impl Run<'_> {
             return None;
         }
         potential.soften(0.0);
-        let start = x.to_vec();
         let load =
             |piece: usize| if piece == n { target } else { t + piece as f64 / n as f64 * (target - t) };
+        let start = x.to_vec();
+        let mut last = n;
+        loop {
+            let outcome = self.carry_pieces_softly(potential, x, &load, last);
+            tracing::debug!(island = %self.name, step = self.step, from = t, to = load(last), n, ?outcome, "carried along softly");
+            if let Soft::Apart(piece) = outcome {
+                return Some(load(piece));
+            }
+            x.copy_from_slice(&start);
+            potential.set_load(t, x);
+            last /= 2;
+            if outcome == Soft::Needless || last < (n / SHORTEST_SOFT_WAY).max(1) {
+                return None;
+            }
+        }
+    }
+
+    /// Moves the load through `last` pieces of its way and lets the potential carry the free nodes along through whatever they touch, to
+    /// equilibrium with softened contact, and some way towards it where cells would fold before.
+    fn carry_pieces_softly(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        load: &dyn Fn(usize) -> f64,
+        last: usize,
+    ) -> Soft {
         let (mut piece, mut folds) = (0, false);
         let mut way = Vec::new();
         let mut enough = ON_THE_WAY;
-        let done = loop {
+        loop {
             let from = piece;
             let (det_before, _) = potential.least_det_f(x);
-            while piece < n {
+            while piece < last {
                 let (places, before) = (potential.touching(x), x.to_vec());
                 potential.carry(load(piece + 1), x);
                 if !(potential.least_det_f(x).0 >= CARRIED_DET_F_SHARE * det_before) {
@@ -188,7 +226,7 @@ impl Run<'_> {
                 way.push((places, x.to_vec()));
                 piece += 1;
             }
-            if piece == n {
+            if piece == last {
                 // Dear to find out: asked only where nothing else decides.
                 let touches = |potential: &mut dyn Loading| {
                     (1..).zip(&way).any(|(piece, (from, to))| {
@@ -198,26 +236,27 @@ impl Run<'_> {
                     })
                 };
                 let is_needed = folds || touches(potential);
-                potential.set_load(target, x);
-                break is_needed && self.equilibrate_softly(potential, x, target);
+                potential.set_load(load(last), x);
+                if !is_needed {
+                    return Soft::Needless;
+                }
+                break;
             }
             // Where that does not get it any farther, nearer to equilibrium it may.
             let is_stuck = piece == from && enough == ON_THE_WAY;
             enough = if piece == from { ON_THE_WAY } else { UNFOLDED };
             if is_stuck {
                 // The rest is a load step of its own, from where surfaces are apart again.
-                break piece > 0 && self.equilibrate_softly(potential, x, load(piece));
+                break;
             }
             if !self.relax(potential, x, load(piece), FLOORS[0], enough) {
-                break false;
+                return Soft::Overlapping;
             }
-        };
-        tracing::debug!(island = %self.name, step = self.step, from = t, target, piece, n, folds, done, "carried along softly");
-        if !done {
-            x.copy_from_slice(&start);
-            potential.set_load(t, x);
         }
-        done.then(|| load(piece))
+        match piece > 0 && self.equilibrate_softly(potential, x, load(piece)) {
+            true => Soft::Apart(piece),
+            false => Soft::Overlapping,
+        }
     }
 
     /// Moves the load to `target`, or as far as contact allows, and the free nodes along with it; returns the load.
