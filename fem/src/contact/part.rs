@@ -19,6 +19,8 @@ const GAIN: f64 = 0.01;
 const STRIDE: f64 = 0.3;
 /// Least weight of a node in a motion for which it is moved.
 const WEIGHTY: f64 = 0.05;
+/// Nodes go no farther at once than the motion that is wanted divided by this, where those that weigh most in it are held.
+const HELD: f64 = 0.5;
 
 /// What is too close, or overlaps.
 struct TooClose {
@@ -111,9 +113,11 @@ impl Contact {
                 }
             }
             nodes.retain(|&node, weight| weight.abs() > WEIGHTY && moves(node));
-            let sum: f64 = nodes.values().map(|w| w * w).sum();
+            let (squares, heaviest) =
+                nodes.values().fold((0.0, 0.0_f64), |(sum, most), w| (sum + w * w, most.max(w.abs())));
+            let scale = squares.max(HELD * heaviest);
             for (node, weight) in nodes {
-                let (wish, way) = (wishes.entry(node).or_default(), way * (weight / sum));
+                let (wish, way) = (wishes.entry(node).or_default(), way * (weight / scale));
                 if way.norm() > wish.norm() {
                     *wish = way;
                 }

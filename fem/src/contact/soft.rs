@@ -25,8 +25,8 @@ use rayon::prelude::*;
 const LONGEST: f64 = 0.5;
 /// Share of the activation distance above which barriers that are softened below it are sampled at corners only.
 const SOFTEST: f64 = 0.2;
-/// Gap that is left where surfaces are parted in the end, as a share of the activation distance: above it hardest softened contact, which
-/// has been in equilibrium, is guarded contact.
+/// Gap that is left where surfaces are parted in the end, as a share of the activation distance: from it on hardest softened contact, which
+/// has been in equilibrium, is guarded contact but for edges (`FLOORS` in `solve/load_step.rs`).
 const PARTED: f64 = 0.03;
 
 /// What is sampled where barriers are softened below the share `floor` of the activation distance.

@@ -23,9 +23,10 @@ const UNFOLDED: f64 = 0.5;
 const CLOSER: f64 = 0.01;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
-/// Shares of the activation distance below which contact is softened, one after the other.
+/// Shares of the activation distance below which contact is softened, one after the other. Down to the last one surfaces are parted then,
+/// see `PARTED` in `contact/soft.rs`.
 const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
-/// Softened contact that fails goes half as far, down to the whole way divided by this.
+/// Softened contact that fails goes half as far, down to the whole way divided by this, rounded up to pieces of it.
 const SHORTEST_SOFT_WAY: usize = 4;
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
@@ -46,12 +47,12 @@ fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
 }
 
 /// How a way through softened contact ended.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 enum Soft {
     /// After so many pieces, where nothing overlaps.
     Apart(usize),
-    /// In overlaps that could not be parted, or before.
-    Overlapping,
+    /// After so many pieces, unsettled, in overlaps that could not be parted, or in cells that this has folded.
+    Failed(usize),
     /// Nothing touches or folds on the way.
     Needless,
 }
@@ -124,7 +125,7 @@ impl Run<'_> {
     }
 
     /// Takes `x` to equilibrium at the load `load` with softened contact, less and less so, and parts what overlaps then; returns
-    /// whether that led to a place where nothing overlaps. It is not tried again in this load step.
+    /// whether that led to a place where nothing overlaps. Newton's method does not try it once more on the way.
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
         let hardest = FLOORS[FLOORS.len() - 1];
@@ -166,7 +167,7 @@ impl Run<'_> {
     }
 
     /// Moves the load towards `target` through whatever the free nodes touch, see [`carry_pieces_softly`](Self::carry_pieces_softly), and
-    /// half as far where that ends in overlaps that cannot be parted; returns the load reached, and otherwise leaves `x` and the load `t`.
+    /// half as far where that fails; returns the load reached, and otherwise leaves `x` and the load `t`.
     /// Where nothing touches or folds on the way there is nothing to gain by it.
     fn carry_softly(
         &mut self,
@@ -192,15 +193,18 @@ impl Run<'_> {
             }
             x.copy_from_slice(&start);
             potential.set_load(t, x);
-            last /= 2;
-            if outcome == Soft::Needless || last < (n / SHORTEST_SOFT_WAY).max(1) {
+            let Soft::Failed(piece) = outcome else { return None };
+            // Up to where it failed it would go the same way again.
+            last = (last / 2).min(piece.saturating_sub(1));
+            if last < n.div_ceil(SHORTEST_SOFT_WAY) {
                 return None;
             }
         }
     }
 
     /// Moves the load through `last` pieces of its way and lets the potential carry the free nodes along through whatever they touch, to
-    /// equilibrium with softened contact, and some way towards it where cells would fold before.
+    /// equilibrium with softened contact, and some way towards it where cells would fold before. Where that fails `x` and the load are left
+    /// anywhere.
     fn carry_pieces_softly(
         &mut self,
         potential: &mut dyn Loading,
@@ -250,12 +254,12 @@ impl Run<'_> {
                 break;
             }
             if !self.relax(potential, x, load(piece), FLOORS[0], enough) {
-                return Soft::Overlapping;
+                return Soft::Failed(piece);
             }
         }
         match piece > 0 && self.equilibrate_softly(potential, x, load(piece)) {
             true => Soft::Apart(piece),
-            false => Soft::Overlapping,
+            false => Soft::Failed(piece),
         }
     }
 

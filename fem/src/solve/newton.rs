@@ -31,7 +31,7 @@ pub(super) struct Run<'a> {
     pub(super) fixed: Vec<bool>,
     /// How convex the next Hessian is made.
     pub(super) convexity: Convexity,
-    /// Softened contact was not tried in this load step yet.
+    /// Newton's method may try softened contact where steps are cut short.
     pub(super) may_approach: bool,
     /// An indefinite Hessian was met in this load step.
     pub(super) met_indefinite: bool,
