@@ -18,8 +18,15 @@ pub const CASES: &[Case] = &[
     Case { id: "b06", title: "compression to 0.7, cheap", tier: Tier::Quick, run: compression_cheap },
     Case { id: "b06", title: "sliding after compression, guarded", tier: Tier::Full, run: sliding_guarded },
     Case { id: "b06", title: "sliding after compression, cheap", tier: Tier::Full, run: sliding_cheap },
-    Case { id: "b06w", title: "sliding on a wide block, guarded", tier: Tier::Full, run: wide_guarded },
-    Case { id: "b06w", title: "sliding on a wide block, cheap", tier: Tier::Full, run: wide_cheap },
+    Case { id: "b06w", title: "on a wide block, open, guarded", tier: Tier::Full, run: wide_open_guarded },
+    Case { id: "b06w", title: "on a wide block, open, cheap", tier: Tier::Full, run: wide_open_cheap },
+    Case {
+        id: "b06w",
+        title: "on a wide block, closed, guarded",
+        tier: Tier::Full,
+        run: wide_closed_guarded,
+    },
+    Case { id: "b06w", title: "on a wide block, closed, cheap", tier: Tier::Full, run: wide_closed_cheap },
     Case { id: "b06e", title: "work of the sliding force, guarded", tier: Tier::Full, run: work_guarded },
     Case { id: "b06e", title: "work of the sliding force, cheap", tier: Tier::Full, run: work_cheap },
     Case { id: "C9", title: "mesh ratio 10 to 1, guarded", tier: Tier::Full, run: unequal_meshes_guarded },
@@ -223,36 +230,32 @@ fn sliding_cheap() -> Outcome {
     sliding(ContactMode::Cheap)
 }
 
-/// b06 where mechanics allows it: the lower surface goes on beyond the upper one, so that sliding changes no energy. The first
-/// surfaces are judged. Compressed by 3 %: at 30 % the rim sinks into cells as large as its depth and is held by them.
-fn wide(mode: ContactMode, variants: [(&str, Blocks); 2]) -> Outcome {
-    let ratios = variants.map(|(name, blocks)| -> Result<(f64, String), String> {
-        let slid = slide(mode, 6e-4, blocks)?;
-        if !slid.iter().all(|s| s.force[1] > 0.0) {
-            return Err(format!("{name} surfaces do not press"));
-        }
-        let ratios = slid.iter().map(|s| 100.0 * s.force[0] / s.force[1]);
-        let (mean, worst) =
-            ratios.fold((0.0, 0.0_f64), |(sum, m), r| (sum + r / slid.len() as f64, m.max(r.abs())));
-        Ok((
-            worst,
-            format!("{name} surfaces at most {worst:.2} % of the normal force, {mean:+.2} % in the mean of the frames"),
-        ))
-    });
-    let [judged, other] = ratios;
-    let (worst, text) = judged?;
-    let text = format!("{text}; not judged: {}", other.map_or_else(|e| e, |o| o.1));
-    if worst < 0.5 { Ok(text) } else { Err(text) }
+/// b06 where the lower surface goes on beyond the upper one, so that sliding should change no energy. Compressed by 3 %: at 10 and 30 %
+/// the force is beyond 0.5 % with any surfaces, on cells half as large and on longer blocks too, and why is not known.
+fn wide(mode: ContactMode, make: Blocks) -> Outcome {
+    let slid = slide(mode, 6e-4, make)?;
+    if !slid.iter().all(|s| s.force[1] > 0.0) {
+        return Err("the surfaces do not press".into());
+    }
+    let worst = slid.iter().map(|s| (s.force[0] / s.force[1]).abs()).fold(0.0, f64::max);
+    let text = format!("driving force at most {:.2} % of the normal force", 100.0 * worst);
+    if worst < 5e-3 { Ok(text) } else { Err(text) }
 }
 
-/// Open surfaces catch with their rims on facets.
-fn wide_guarded() -> Outcome {
-    wide(ContactMode::Guarded, [("closed", wide_blocks_closed), ("open", wide_blocks)])
+fn wide_open_guarded() -> Outcome {
+    wide(ContactMode::Guarded, wide_blocks)
 }
 
-/// Closed surfaces press on the flanks of the upper block where it has sunk in.
-fn wide_cheap() -> Outcome {
-    wide(ContactMode::Cheap, [("open", wide_blocks), ("closed", wide_blocks_closed)])
+fn wide_open_cheap() -> Outcome {
+    wide(ContactMode::Cheap, wide_blocks)
+}
+
+fn wide_closed_guarded() -> Outcome {
+    wide(ContactMode::Guarded, wide_blocks_closed)
+}
+
+fn wide_closed_cheap() -> Outcome {
+    wide(ContactMode::Cheap, wide_blocks_closed)
 }
 
 /// The driving force does the work by which the energy of the blocks changes (trapezoidal rule) to 0.5 % of the normal force along the
