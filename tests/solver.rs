@@ -9,6 +9,7 @@ use fem::solve::{
 };
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Springs between the nodes of a grid, edges and diagonals of every cell.
 struct Lattice {
@@ -543,4 +544,94 @@ fn log_has_its_name_only_when_finished() {
     let text = std::fs::read_to_string(path).unwrap();
     assert!(text.starts_with("island,step,load,iteration,residual_N,"), "{text}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+}
+
+/// A lattice whose energy jumps while it is softened, right beyond where it starts; what touches cuts steps in half.
+struct Ledge {
+    lattice: Lattice,
+    floor: f64,
+    /// Where softening began, one after the other, and how often overlaps were parted.
+    floors: Vec<f64>,
+    parted: AtomicUsize,
+}
+
+impl Ledge {
+    /// Energy by which it jumps \[J\], and how far from the start \[m\].
+    const JUMP: f64 = 1e3;
+    const AT: f64 = 1e-8;
+}
+
+impl Potential for Ledge {
+    fn pattern(&self) -> &Arc<Pattern> {
+        self.lattice.pattern()
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let jump = if self.floor > 0.0 && x[2] > 1.0 + Ledge::AT { Ledge::JUMP } else { 0.0 };
+        self.lattice.energy(x) + jump
+    }
+
+    fn gradient(&self, x: &[f64], g: &mut [f64]) {
+        self.lattice.gradient(x, g);
+    }
+
+    fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix) {
+        self.lattice.hessian(x, convexity, k);
+    }
+
+    fn force_scale(&self, x: &[f64]) -> f64 {
+        self.lattice.force_scale(x)
+    }
+
+    fn least_det_f(&self, x: &[f64]) -> (f64, String) {
+        self.lattice.least_det_f(x)
+    }
+
+    fn touching(&self, x: &[f64]) -> Vec<f64> {
+        let prescribed = self.lattice.points.iter().flatten();
+        x.iter().chain(prescribed).copied().collect()
+    }
+
+    fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
+        let way = from.iter().zip(self.touching(x)).map(|(from, to)| (from - to).abs()).fold(0.0, f64::max);
+        if way > 0.05 { 0.5 } else { 1.0 }
+    }
+}
+
+impl Loading for Ledge {
+    fn set_load(&mut self, t: f64, x: &mut [f64]) {
+        self.lattice.set_load(t, x);
+    }
+
+    fn n_pieces(&self, _t: f64) -> usize {
+        1
+    }
+
+    fn soften(&mut self, floor: f64) -> bool {
+        if floor > 0.0 {
+            self.floors.push(floor);
+        }
+        self.floor = floor;
+        true
+    }
+
+    fn part(&self, _x: &mut [f64], _floor: f64) -> bool {
+        self.parted.fetch_add(1, Ordering::Relaxed);
+        true
+    }
+}
+
+/// The energy of softened contact jumps where a point changes the side by which it leaves a body. Newton's method goes past that, once.
+#[test]
+fn softened_energy_that_jumps_is_passed() {
+    let pull = |p: &[f64; 3]| [0.0, 0.0, 0.25 * p[2]];
+    let lattice = Lattice::new([3, 3, 3], |p| p[2] == 0.0 || p[2] == 2.0, |_| false, pull);
+    let mut ledge = Ledge { lattice, floor: 0.0, floors: Vec::new(), parted: AtomicUsize::new(0) };
+    let mut x = ledge.lattice.start();
+    let mut log = Vec::new();
+    let advance = Solver::new("ledge", Settings::default()).advance(&mut ledge, &mut x, 0, &mut log).unwrap();
+    assert!(residual(&ledge.lattice, &x) <= 1e-6 * ledge.lattice.force_scale(&x));
+    assert_eq!((advance.load_steps, advance.retries), (1, 0), "{log:?}");
+    assert_eq!(ledge.parted.into_inner(), 1, "softened below {:?}: {log:?}", ledge.floors);
+    assert!(log[0].energy > Ledge::JUMP && log[0].step_length == 0.5, "{:?}", log[0]);
 }

@@ -25,9 +25,6 @@ use rayon::prelude::*;
 const LONGEST: f64 = 0.5;
 /// Share of the activation distance above which barriers that are softened below it are sampled at corners only.
 const SOFTEST: f64 = 0.2;
-/// Gap that is left where surfaces are parted in the end, as a share of the activation distance: from it on hardest softened contact, which
-/// has been in equilibrium, is guarded contact but for edges (`FLOORS` in `solve/load_step.rs`).
-const PARTED: f64 = 0.03;
 
 /// What is sampled where barriers are softened below the share `floor` of the activation distance.
 fn sampled(floor: f64) -> Primitives {
@@ -116,10 +113,10 @@ impl Contact {
         share
     }
 
-    /// Positions \[m\] of the nodes near `x` at which no surface is inside or passes through another; nodes for which `moves` is
-    /// false stay. `None`: none are found.
-    pub fn parted(&self, x: &[f64], moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
-        let u = self.part(x, PARTED * self.distance, moves).ok()?;
+    /// Positions \[m\] of the nodes near `x` at which all surfaces are apart by the share `floor` of the activation distance; nodes for
+    /// which `moves` is false stay. `None`: none are found.
+    pub fn parted(&self, x: &[f64], floor: f64, moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
+        let u = self.part(x, floor * self.distance, moves).ok()?;
         Some(x.iter().zip(&u).map(|(x, u)| x + u).collect())
     }
 }

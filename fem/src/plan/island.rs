@@ -670,8 +670,9 @@ impl Loading for LoadedIsland {
         can
     }
 
-    fn part(&self, x: &mut [f64]) -> bool {
-        let parted = self.contact(|contact| contact.parted(&self.expand(x), &|n| self.island.is_free(n)));
+    fn part(&self, x: &mut [f64], floor: f64) -> bool {
+        let is_free = |n| self.island.is_free(n);
+        let parted = self.contact(|contact| contact.parted(&self.expand(x), floor, &is_free));
         match parted {
             None => true,
             Some(None) => false,

@@ -23,8 +23,8 @@ const UNFOLDED: f64 = 0.5;
 const CLOSER: f64 = 0.01;
 /// Share of what is left of a load step below which contact has cut it short.
 const SHORT_CARRY: f64 = 0.3;
-/// Shares of the activation distance below which contact is softened, one after the other. Down to the last one surfaces are parted then,
-/// see `PARTED` in `contact/soft.rs`.
+/// Shares of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
+/// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
 const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
 /// Softened contact that fails goes half as far, down to the whole way divided by this, rounded up to pieces of it.
 const SHORTEST_SOFT_WAY: usize = 4;
@@ -130,9 +130,9 @@ impl Run<'_> {
         self.may_approach = false;
         let hardest = FLOORS[FLOORS.len() - 1];
         FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor, ON_THE_WAY))
-            && (potential.part(x)
+            && (potential.part(x, hardest)
                 // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
-                || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x))
+                || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x, hardest))
             && is_sound(potential, x, 0.0)
     }
 
@@ -152,6 +152,7 @@ impl Run<'_> {
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
         let before = std::mem::replace(&mut self.convexity, Convexity::full());
+        self.may_jump = true;
         let outcome = potential.soften(floor).then(|| self.newton(potential, x, load));
         if let Some(Err(failure)) = &outcome {
             let (det_f, reason) = (failure.det_f, &failure.reason);
@@ -159,7 +160,7 @@ impl Run<'_> {
         }
         let there = matches!(outcome, Some(Ok(())));
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
-        self.may_approach = may_approach;
+        (self.may_approach, self.may_jump) = (may_approach, false);
         self.convexity = before;
         potential.soften(0.0);
         self.linear.forget();

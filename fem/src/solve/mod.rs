@@ -132,8 +132,9 @@ pub trait Loading: Potential {
         false
     }
 
-    /// Moves the nodes at `x` apart where surfaces overlap; returns whether nothing does any more.
-    fn part(&self, _x: &mut [f64]) -> bool {
+    /// Moves the nodes at `x` apart where surfaces are closer than the share `floor` of the distance at which what keeps them apart begins;
+    /// returns whether nothing is any more.
+    fn part(&self, _x: &mut [f64], _floor: f64) -> bool {
         true
     }
 

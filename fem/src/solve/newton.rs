@@ -33,6 +33,8 @@ pub(super) struct Run<'a> {
     pub(super) convexity: Convexity,
     /// Newton's method may try softened contact where steps are cut short.
     pub(super) may_approach: bool,
+    /// The energy may jump, as that of softened contact does.
+    pub(super) may_jump: bool,
     /// An indefinite Hessian was met in this load step.
     pub(super) met_indefinite: bool,
 }
@@ -84,6 +86,9 @@ impl Run<'_> {
             let mut found = search(short.as_deref().unwrap_or(&dx));
             if found.is_err() && short.is_some() {
                 found = search(&dx);
+            }
+            if found == Err(Reason::NoDescent) && self.may_jump {
+                found = self.search_past_jump(potential, x, &g, &dx, &mut energy, &mut trial);
             }
             let length = match found {
                 Ok(length) => length,
