@@ -571,6 +571,10 @@ impl Potential for Ledge {
         self.lattice.energy(x) + jump
     }
 
+    fn energy_jumps(&self) -> bool {
+        self.floor > 0.0
+    }
+
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
         self.lattice.gradient(x, g);
     }

@@ -433,6 +433,10 @@ impl Potential for LoadedIsland {
             + self.inertia.as_ref().map_or(0.0, |inertia| inertia.energy(&x))
     }
 
+    fn energy_jumps(&self) -> bool {
+        self.floor > 0.0
+    }
+
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
         let island = &self.island;
         let x = self.expand(x);

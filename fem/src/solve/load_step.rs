@@ -152,7 +152,6 @@ impl Run<'_> {
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
         let before = std::mem::replace(&mut self.convexity, Convexity::full());
-        self.may_jump = true;
         let outcome = potential.soften(floor).then(|| self.newton(potential, x, load));
         if let Some(Err(failure)) = &outcome {
             let (det_f, reason) = (failure.det_f, &failure.reason);
@@ -160,7 +159,7 @@ impl Run<'_> {
         }
         let there = matches!(outcome, Some(Ok(())));
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
-        (self.may_approach, self.may_jump) = (may_approach, false);
+        self.may_approach = may_approach;
         self.convexity = before;
         potential.soften(0.0);
         self.linear.forget();

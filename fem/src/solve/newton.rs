@@ -33,8 +33,6 @@ pub(super) struct Run<'a> {
     pub(super) convexity: Convexity,
     /// Newton's method may try softened contact where steps are cut short.
     pub(super) may_approach: bool,
-    /// The energy may jump, as that of softened contact does.
-    pub(super) may_jump: bool,
     /// An indefinite Hessian was met in this load step.
     pub(super) met_indefinite: bool,
 }
@@ -87,7 +85,7 @@ impl Run<'_> {
             if found.is_err() && short.is_some() {
                 found = search(&dx);
             }
-            if found == Err(Reason::NoDescent) && self.may_jump {
+            if found == Err(Reason::NoDescent) && projected && potential.energy_jumps() {
                 found = self.search_past_jump(potential, x, &g, &dx, &mut energy, &mut trial);
             }
             let length = match found {

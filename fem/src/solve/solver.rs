@@ -119,7 +119,6 @@ impl Solver {
             convexity: Convexity::none(),
             met_indefinite: false,
             may_approach: false,
-            may_jump: false,
         };
         let (mut t, mut length) = (0.0, settings.first_step);
         let mut good = x.to_vec();
