@@ -369,7 +369,9 @@ fn indefinite_start_finds_a_minimum() {
     lattice.hessian(&x, 0.0, &mut k);
     assert!(dense(&k).symmetric_eigenvalues().min() < 0.0, "the start is meant to be indefinite");
     let mut log = Vec::new();
-    Solver::new("lattice", Settings::default()).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
+    // At rest no forces are in play to which a residual could be relative.
+    let settings = Settings { least_force: STIFFNESS, ..Settings::default() };
+    Solver::new("lattice", settings).advance(&mut lattice, &mut x, 0, &mut log).unwrap();
     lattice.hessian(&x, 0.0, &mut k);
     assert!(dense(&k).symmetric_eigenvalues().min() > 0.0);
     assert!(log.iter().any(|r| r.projected));
@@ -485,6 +487,7 @@ fn buckled_column_is_left_for_a_stable_one() {
     let mut solver = Solver::new("column", Settings::default());
     let advance = solver.advance(&mut column, &mut x, 0, &mut Vec::new()).unwrap();
     assert!(!advance.indefinite_at.is_empty(), "the instability is reported");
+    assert!(advance.tested_stable, "and what is handed back was tested");
     let mut k = BlockMatrix::zeros(column.pattern.clone());
     column.hessian(&x, 0.0, &mut k);
     let least = dense(&k).symmetric_eigenvalues().min();
@@ -544,6 +547,56 @@ fn log_has_its_name_only_when_finished() {
     let text = std::fs::read_to_string(path).unwrap();
     assert!(text.starts_with("island,step,load,iteration,residual_N,"), "{text}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+}
+
+/// A lattice whose Hessian is indefinite wherever it is looked at as it is.
+struct Saddle(Lattice);
+
+impl Potential for Saddle {
+    fn pattern(&self) -> &Arc<Pattern> {
+        self.0.pattern()
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        self.0.energy(x)
+    }
+
+    fn gradient(&self, x: &[f64], g: &mut [f64]) {
+        self.0.gradient(x, g);
+    }
+
+    fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix) {
+        self.0.hessian(x, convexity, k);
+        if convexity == 0.0 {
+            k.add_block(0, 0, &[-1e4 * STIFFNESS, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        }
+    }
+
+    fn force_scale(&self, x: &[f64]) -> f64 {
+        self.0.force_scale(x)
+    }
+
+    fn least_det_f(&self, x: &[f64]) -> (f64, String) {
+        self.0.least_det_f(x)
+    }
+}
+
+impl Loading for Saddle {
+    fn set_load(&mut self, t: f64, x: &mut [f64]) {
+        self.0.set_load(t, x);
+    }
+}
+
+/// Once the fourth equilibrium was called solved without a look at its stability.
+#[test]
+fn an_equilibrium_that_stays_unstable_is_not_solved() {
+    let pull = |p: &[f64; 3]| [0.0, 0.0, 0.1 * p[2]];
+    let mut saddle = Saddle(Lattice::new([3, 3, 3], |p| p[2] == 0.0 || p[2] == 2.0, |_| false, pull));
+    let mut x = saddle.0.start();
+    let settings = Settings { stability: Stability::Always, least_step: 0.5, ..Settings::default() };
+    let error = Solver::new("saddle", settings).advance(&mut saddle, &mut x, 0, &mut Vec::new()).unwrap_err();
+    let SolveError::NotConverged(stop) = &error else { panic!("{error}") };
+    assert_eq!(stop.reason, Reason::Unstable, "{error}");
 }
 
 /// A lattice whose energy jumps while it is softened, right beyond where it starts; what touches cuts steps in half.

@@ -457,7 +457,7 @@ fn a_muscle_alone_is_its_island_and_tightens_in_one_step() {
         let contraction = 1.02 - (line[line.len() - 1] - line[0]).norm() / length;
         let load = plan.load(&[(&muscle.name, contraction)], &[]).unwrap();
         let settings = fem::solve::Settings { tolerance: 1e-3, ..SETTINGS };
-        let done = Session::new(&plan, &settings, None).advance(&DriveFrame { time: 1.0, load });
+        let done = Session::new(&plan, &settings, None).unwrap().advance(&DriveFrame { time: 1.0, load });
         assert!(done.errors.is_empty(), "{:?}", done.errors);
         let way = &done.frame.islands[0];
         assert_eq!((way.load_steps, way.retries), (1, 0), "{}: {way:?}", muscle.name);
@@ -470,7 +470,7 @@ const HEADS: [&str; 4] = ["rectus_femoris", "vastus_medialis", "vastus_intermedi
 fn pull(thigh: &Thigh) -> ([Vector3<f64>; 4], Vector3<f64>) {
     let plan = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap();
     let controls = HEADS.map(|head| (head, 0.08));
-    let mut session = Session::new(&plan, &SETTINGS, None);
+    let mut session = Session::new(&plan, &SETTINGS, None).unwrap();
     let done = session.advance(&DriveFrame { time: 1.0, load: plan.load(&controls, &[]).unwrap() });
     assert!(done.errors.is_empty(), "{:?}", done.errors);
     let at = done.frame.snapshot();
@@ -542,7 +542,7 @@ fn four_heads_join_in_the_quadriceps_tendon() {
     assert!(own.scene.membranes.is_empty() && own.scene.strands.len() == 2, "{:?}", own.scene.strands);
     let plan = Plan::new(&own.scene, own.mesh.clone()).unwrap();
     let load = plan.load(&[(own.muscles[0].name.as_str(), 0.08)], &[]).unwrap();
-    let done = Session::new(&plan, &SETTINGS, None).advance(&DriveFrame { time: 1.0, load });
+    let done = Session::new(&plan, &SETTINGS, None).unwrap().advance(&DriveFrame { time: 1.0, load });
     assert!(done.errors.is_empty(), "{:?}", done.errors);
     let (heads, patella) = pull(thigh);
     let (fan_heads, fan_patella) = pull(&fans);

@@ -116,7 +116,7 @@ fn with_contact(thigh: &Thigh, made: &BuiltIn) -> Thigh {
 fn run(thigh: &Thigh, configuration: &str, goals: &[&Goal], poses: &[Pose; 4]) -> bool {
     let plan = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap_or_else(|e| panic!("{e}"));
     let settings = Settings { tolerance: RESIDUAL / SETTINGS.least_force, ..SETTINGS };
-    let mut session = Session::new(&plan, &settings, None);
+    let mut session = Session::new(&plan, &settings, None).expect("settings that can be");
     let mut good = true;
     for (k, goal) in goals.iter().enumerate() {
         let value = |c: &String| if c == "belt" { goal.belt } else { goal.activation };

@@ -66,7 +66,7 @@ pub enum CalibrationError {
     Scene(#[from] SceneError),
     /// The muscle alone found no equilibrium.
     #[error("calibration of the fibres: {0}")]
-    Solve(SolveError),
+    Solve(#[from] SolveError),
     /// Fibres that pull, and no force through the belly to match.
     #[error(
         "calibration of `{muscle}`: its fibres would have to pull {gain:.2} times as hard as the force through the belly; \
@@ -156,13 +156,13 @@ fn calibrate_one(
     let mut search = Search::new(muscle, least, greatest);
     if search.next.is_some() {
         let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
-        let mut session = Session::new(&plan, settings, None);
+        let mut session = Session::new(&plan, settings, None)?;
         for round in 0..MOST_ROUNDS {
             let Some(contraction) = search.next else { break };
             let load = plan.load(&[(&muscle.name, contraction)], &[])?;
             let done = session.advance(&DriveFrame { time: round as f64, load });
             if let Some(error) = done.errors.into_iter().next() {
-                return Err(CalibrationError::Solve(error));
+                return Err(error.into());
             }
             search.see(belly_force(&plan, done.frame.snapshot(), muscle).along());
         }

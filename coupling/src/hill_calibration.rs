@@ -126,14 +126,14 @@ fn calibrate_one(
     let mut pulled = thigh.clone();
     pulled.set_fibre_law(0, constant_tension(wanted / muscle.fibre_area));
     let plan = Plan::new(&pulled.scene, pulled.mesh.clone())?;
-    let taut = look(&pulled, &plan, Session::new(&plan, settings, None), FITTED_AT, None)?;
+    let taut = look(&pulled, &plan, Session::new(&plan, settings, None)?, FITTED_AT, None)?;
     let fit = Fit { rest: taut.stretch, gain: wanted / taut.force };
     if !(0.2..5.0).contains(&fit.gain) {
         return Err(CalibrationError::Gain { muscle: muscle.name.clone(), gain: fit.gain });
     }
     let thigh = with_laws(thigh, std::slice::from_ref(unit), scale, &[fit]);
     let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
-    let fitted = look(&thigh, &plan, Session::from_frame(&plan, settings, &taut.frame, 0), FITTED_AT, None)?;
+    let fitted = look(&thigh, &plan, Session::from_frame(&plan, settings, &taut.frame, 0)?, FITTED_AT, None)?;
     let sample = |seen: &Seen, activation: f64, posture: Option<&Posture>| {
         let there = posture.and_then(|p| p.muscle(&muscle.name));
         Sample {
@@ -149,7 +149,7 @@ fn calibrate_one(
     let others = ACTIVATIONS.map(|a| (a, None)).into_iter();
     for (activation, posture) in others.chain(postures.iter().map(|p| (FITTED_AT, Some(p)))) {
         // All from the fit, which is taut and not far.
-        let session = Session::from_frame(&plan, settings, &fitted.frame, 1);
+        let session = Session::from_frame(&plan, settings, &fitted.frame, 1)?;
         let seen = look(&thigh, &plan, session, activation, posture)?;
         samples.push(sample(&seen, activation, posture));
     }

@@ -35,6 +35,7 @@ pub const SETTINGS: Settings = Settings {
     tolerance: 1e-4,
     least_force: 1000.0,
     max_iterations: 400,
+    max_work: 5000,
     first_step: 1.0,
     least_step: 1e-4,
     double_precision_factor: false,

@@ -120,7 +120,8 @@ impl TwoWay<'_> {
         let mut ever = shown.clone();
         let mut sessions: Vec<Session> = Vec::new();
         for (k, _) in self.steps.iter().enumerate() {
-            let mut session = Session::new(self.plan, self.settings, None);
+            let mut session = Session::new(self.plan, self.settings, None)
+                .map_err(|error| CommandError::NotConverged(format!("two-way coupling: {error}")))?;
             let way = self.drive.frames.len() - self.steps.len();
             for frame in &self.drive.frames[..=way + k] {
                 advance(&mut session, frame)?;

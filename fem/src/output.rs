@@ -104,13 +104,22 @@ pub fn run_restartable(
         let stored = resuming.then(|| crate::restart::load(folder, name, restart.key, k, n, to)).flatten();
         resuming = stored.is_some();
         run.taken_over += usize::from(resuming);
-        let done = stored.unwrap_or_else(|| {
-            let mut session = match run.frames.last() {
-                None => Session::new(plan, settings, None),
-                Some(frame) => Session::from_frame(plan, settings, frame, k - 1),
-            };
-            session.advance(to)
-        });
+        let done = match stored {
+            Some(done) => done,
+            None => {
+                let session = match run.frames.last() {
+                    None => Session::new(plan, settings, None),
+                    Some(frame) => Session::from_frame(plan, settings, frame, k - 1),
+                };
+                match session {
+                    Ok(mut session) => session.advance(to),
+                    Err(error) => {
+                        run.errors = vec![error];
+                        break;
+                    }
+                }
+            }
+        };
         files
             .write(plan, &Step { frame: &done.frame, iterations: &done.iterations, errors: &done.errors })?;
         if done.errors.is_empty() && !resuming {
@@ -173,9 +182,20 @@ impl RunFiles {
             "islands": plan.islands.iter().map(|i| i.name.as_str()).collect::<Vec<_>>(),
             "newton_iterations": run.iterations.len(),
         });
+        if let Some(worst) = run.worst() {
+            summary["worst_residual"] = json!({
+                "island": plan.islands[worst.island].name, "frame": worst.frame, "residual_N": worst.advance.residual,
+                "wanted_residual_N": worst.advance.wanted, "forces_in_play_N": worst.advance.force_scale,
+            });
+        }
+        summary["loose_load_steps"] = json!(run.count(|island| island.loose_steps));
+        summary["frames_tested_for_stability"] =
+            json!(run.frames.iter().filter(|f| f.islands.iter().all(|i| i.tested_stable)).count());
         if let Some(frame) = &run.unsolved {
             summary["unsolved_time"] = json!(frame.time);
             summary["last_good_state"] = json!(file_name(&self.unsolved));
+        }
+        if !run.is_solved() {
             summary["failures"] = run.errors.iter().map(failure).collect();
         }
         let text = format!("{summary:#}\n");
@@ -228,6 +248,12 @@ fn failure(error: &SolveError) -> Value {
         SolveError::Unsupported { island, parts } => json!({
             "island": island, "parts": parts.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "reason": "moves without resistance", "message": message,
+        }),
+        SolveError::Settings { mistakes } => json!({
+            "reason": "bad settings", "mistakes": mistakes, "message": message,
+        }),
+        SolveError::Count { what, found, needed } => json!({
+            "reason": "wrong length", "list": what, "found": found, "needed": needed, "message": message,
         }),
         SolveError::NoTime { step, from, to } => json!({
             "frame": step, "from_s": from, "to_s": to, "reason": "no time passes", "message": message,

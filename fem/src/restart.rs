@@ -21,7 +21,7 @@ struct State {
     x: Vec<u64>,
     /// Velocities \[m/s\]; empty without inertia.
     v: Vec<u64>,
-    islands: Vec<([u64; 14], Vec<u64>, Vec<u64>)>,
+    islands: Vec<([u64; 18], Vec<u64>, Vec<u64>)>,
     iterations: Vec<(String, [u64; 12])>,
 }
 
@@ -97,31 +97,44 @@ pub(crate) fn load(
     })
 }
 
-fn pack_advance(a: &Advance) -> ([u64; 14], Vec<u64>, Vec<u64>) {
-    let counts =
-        [a.load_steps, a.retries, a.iterations, a.linear_iterations, a.factorizations].map(|n| n as u64);
-    let [c0, c1, c2, c3, c4] = counts;
-    let state = [a.residual, a.force_scale, a.energy, a.least_det_f];
+fn pack_advance(a: &Advance) -> ([u64; 18], Vec<u64>, Vec<u64>) {
+    let counts = [
+        a.load_steps,
+        a.retries,
+        a.loose_steps,
+        a.work,
+        a.iterations,
+        a.linear_iterations,
+        a.factorizations,
+        usize::from(a.tested_stable),
+    ]
+    .map(|n| n as u64);
+    let state = [a.residual, a.wanted, a.force_scale, a.energy, a.least_det_f];
     let times = [a.assembly_s, a.factorization_s, a.linear_s, a.contact_s, a.total_s];
-    let ([v0, v1, v2, v3], [t0, t1, t2, t3, t4]) = (state.map(f64::to_bits), times.map(f64::to_bits));
     let bits = |list: &[f64]| list.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
-    let numbers = [c0, c1, c2, c3, c4, v0, v1, v2, v3, t0, t1, t2, t3, t4];
+    let mut numbers = [0; 18];
+    let all = counts.into_iter().chain(state.map(f64::to_bits)).chain(times.map(f64::to_bits));
+    numbers.iter_mut().zip(all).for_each(|(to, from)| *to = from);
     (numbers, bits(&a.indefinite_at), bits(&a.unstable_at))
 }
 
-fn unpack_advance(packed: &([u64; 14], Vec<u64>, Vec<u64>)) -> Advance {
-    let ([c0, c1, c2, c3, c4, values @ ..], indefinite, unstable) = packed;
+fn unpack_advance(packed: &([u64; 18], Vec<u64>, Vec<u64>)) -> Advance {
+    let ([c0, c1, c2, c3, c4, c5, c6, stable, values @ ..], indefinite, unstable) = packed;
     let values = values.map(f64::from_bits);
-    let [residual, force_scale, energy, least_det_f, times @ ..] = values;
+    let [residual, wanted, force_scale, energy, least_det_f, times @ ..] = values;
     let [assembly_s, factorization_s, linear_s, contact_s, total_s] = times;
     let list = |bits: &[u64]| bits.iter().map(|b| f64::from_bits(*b)).collect::<Vec<f64>>();
     Advance {
         load_steps: *c0 as usize,
         retries: *c1 as usize,
-        iterations: *c2 as usize,
-        linear_iterations: *c3 as usize,
-        factorizations: *c4 as usize,
+        loose_steps: *c2 as usize,
+        work: *c3 as usize,
+        iterations: *c4 as usize,
+        linear_iterations: *c5 as usize,
+        factorizations: *c6 as usize,
+        tested_stable: *stable == 1,
         residual,
+        wanted,
         force_scale,
         energy,
         least_det_f,
@@ -172,6 +185,10 @@ mod tests {
         let advance = Advance {
             load_steps: 1,
             retries: 2,
+            loose_steps: 12,
+            work: 13,
+            tested_stable: true,
+            wanted: 1e-7,
             iterations: 3,
             linear_iterations: 4,
             factorizations: 5,

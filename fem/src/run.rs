@@ -76,6 +76,32 @@ impl Run {
     pub fn last(&self) -> Option<&Frame> {
         self.frames.last()
     }
+
+    /// Where the residual is the largest share of the forces in play, of all solved frames; none where nothing could move.
+    pub fn worst(&self) -> Option<Worst<'_>> {
+        let islands = self.frames.iter().enumerate().flat_map(|(frame, f)| {
+            f.islands.iter().enumerate().map(move |(island, advance)| Worst { frame, island, advance })
+        });
+        islands
+            .filter(|w| w.advance.force_scale > 0.0)
+            .max_by(|a, b| a.advance.relative_residual().total_cmp(&b.advance.relative_residual()))
+    }
+
+    /// Sum of a count over all islands of all solved frames.
+    pub fn count(&self, of: impl Fn(&Advance) -> usize) -> usize {
+        self.frames.iter().flat_map(|frame| &frame.islands).map(of).sum()
+    }
+}
+
+/// An island of a frame, by their numbers, and how it came to equilibrium.
+#[derive(Clone, Copy, Debug)]
+pub struct Worst<'a> {
+    /// The frame.
+    pub frame: usize,
+    /// The island, as in [`Plan::islands`].
+    pub island: usize,
+    /// What the solver did there.
+    pub advance: &'a Advance,
 }
 
 /// A frame as the solver leaves it.
@@ -115,25 +141,39 @@ pub struct Advanced {
 
 impl<'a> Session<'a> {
     /// Starts at the mesh as read, or at positions `start` \[m\] of all nodes, with all controls at zero and bodies in place.
-    pub fn new(plan: &'a Plan, settings: &Settings, start: Option<&[f64]>) -> Session<'a> {
-        Session {
+    /// Refuses settings that cannot be and a start that is not of this plan.
+    pub fn new(
+        plan: &'a Plan,
+        settings: &Settings,
+        start: Option<&[f64]>,
+    ) -> Result<Session<'a>, SolveError> {
+        settings.check()?;
+        let x = start.map_or_else(|| plan.reference(), <[f64]>::to_vec);
+        count("the start", x.len(), 3 * plan.mesh.points.len(), "3 per node of the mesh")?;
+        Ok(Session {
             plan,
-            x: start.map_or_else(|| plan.reference(), <[f64]>::to_vec),
+            x,
             v: plan.inertia.as_ref().map_or(Vec::new(), |i| i.velocities.clone()),
             time: 0.0,
             from: plan.load(&[], &[]).expect("nothing is named"),
             solvers: plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect(),
             step: 0,
-        }
+        })
     }
 
     /// Starts at a solved frame, the `step`-th of its run, with new solvers: what they do does not depend on how the frame was reached.
-    pub fn from_frame(plan: &'a Plan, settings: &Settings, frame: &Frame, step: usize) -> Session<'a> {
+    pub fn from_frame(
+        plan: &'a Plan,
+        settings: &Settings,
+        frame: &Frame,
+        step: usize,
+    ) -> Result<Session<'a>, SolveError> {
+        check_load(plan, &frame.load)?;
         let (from, time) = (frame.load.clone(), frame.time);
         // A frame without velocities is at rest.
         let mut v = frame.v.clone();
         v.resize(plan.inertia.as_ref().map_or(0, |i| i.velocities.len()), 0.0);
-        Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x)) }
+        Ok(Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x))? })
     }
 
     /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the
@@ -142,11 +182,14 @@ impl<'a> Session<'a> {
         let (x, v, from, step) = (&self.x, &self.v, &self.from, self.step);
         let h = to.time - self.time;
         let inertia = self.plan.inertia.as_ref();
-        if inertia.is_some() && !(h > 0.0 && h.is_finite()) {
-            let errors = vec![SolveError::NoTime { step, from: self.time, to: to.time }];
+        let no_time = inertia.is_some() && !(h > 0.0 && h.is_finite());
+        let refused = check_load(self.plan, &to.load).err();
+        if let Some(error) =
+            refused.or(no_time.then_some(SolveError::NoTime { step, from: self.time, to: to.time }))
+        {
             let frame =
                 Frame { time: to.time, load: from.clone(), x: x.clone(), v: v.clone(), islands: Vec::new() };
-            return Advanced { frame, errors, iterations: Vec::new() };
+            return Advanced { frame, errors: vec![error], iterations: Vec::new() };
         }
         let before = inertia.map(|_| x.clone());
         let jobs: Vec<_> = self.plan.islands.iter().zip(&mut self.solvers).collect();
@@ -195,6 +238,19 @@ impl<'a> Session<'a> {
     }
 }
 
+/// Refuses a load of another plan.
+fn check_load(plan: &Plan, load: &Load) -> Result<(), SolveError> {
+    count("controls of the load", load.controls.len(), plan.controls.len(), "one per control")?;
+    count("poses of the load", load.poses.len(), plan.bodies.len(), "one per body")
+}
+
+fn count(what: &'static str, found: usize, needed: usize, of: &str) -> Result<(), SolveError> {
+    match found == needed {
+        true => Ok(()),
+        false => Err(SolveError::Count { what, found, needed: format!("{needed}: {of}") }),
+    }
+}
+
 /// Carries a plan along a drive, from the mesh as read or from positions `start` \[m\] of all nodes; stops at the
 /// first frame that is not solved. `on_frame` sees every solved frame as it comes.
 pub fn run(
@@ -221,7 +277,10 @@ pub fn run_steps(
     on_step: &mut dyn FnMut(&Step) -> ControlFlow<()>,
 ) -> Run {
     let mut out = Run::default();
-    let mut session = Session::new(plan, settings, start);
+    let mut session = match Session::new(plan, settings, start) {
+        Ok(session) => session,
+        Err(error) => return Run { errors: vec![error], ..out },
+    };
     for to in &drive.frames {
         let Advanced { frame, errors, iterations } = session.advance(to);
         let flow = on_step(&Step { frame: &frame, iterations: &iterations, errors: &errors });

@@ -230,7 +230,7 @@ pub(super) fn carry_out(
     let _ = if arguments.json {
         let verdict = serde_json::json!({
             "scene": prepared.scene.name, "status": record.status, "reason": record.reason,
-            "differences": record.verdict, "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
+            "differences": record.verdict, "settled": report.settled(), "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
             "files": folder.join("run.json"),
         });
         writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data"))
@@ -305,6 +305,9 @@ fn print(
         }
     }
     writeln!(w)?;
+    for settled in report.settled() {
+        writeln!(w, "  {settled}")?;
+    }
     for (stage, seconds) in &record.seconds {
         writeln!(w, "  {stage:<18}{seconds:>8.1} s")?;
     }

@@ -35,6 +35,7 @@ pub fn write_compare(
     let page = compare_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = serde_json::to_value(report.differences()).ok();
+    record.settled = serde_json::to_value(report.settled()).expect("plain data");
     record.threads = rayon::current_num_threads();
     record.files = out.files().to_vec();
     for folder in FOLDERS {

@@ -67,6 +67,9 @@ pub struct RunRecord {
     pub reason: Option<String>,
     /// The numbers that decide: the summary that heads the report.
     pub verdict: Option<serde_json::Value>,
+    /// How closely the forces of deformable bodies balance; absent where there are none.
+    #[serde(skip_serializing_if = "serde_json::Value::is_null")]
+    pub settled: serde_json::Value,
     /// Name and version of what computed this.
     pub versions: BTreeMap<String, String>,
     /// Every setting that was in force, as the command line understood it.
@@ -98,6 +101,7 @@ impl RunRecord {
             status: RunStatus::Solved,
             reason: None,
             verdict: None,
+            settled: serde_json::Value::Null,
             versions,
             settings: serde_json::Value::Null,
             inputs: Vec::new(),

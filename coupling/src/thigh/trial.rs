@@ -131,7 +131,8 @@ impl<'a> MuscleAlone<'a> {
                 let guess = Frame { time: 0.0, load: to.load.clone(), x, v: Vec::new(), islands: Vec::new() };
                 Session::from_frame(plan, &settings, &guess, 0)
             }
-        };
+        }
+        .map_err(|e| e.to_string())?;
         let done = session.advance(&to);
         if let Some(error) = done.errors.first() {
             return Err(error.to_string());

@@ -28,6 +28,11 @@ pub enum Motion {
     Follows(u32),
 }
 
+/// Whether nothing prescribes it.
+fn is_unknown(motion: &Motion) -> bool {
+    matches!(motion, Motion::Free | Motion::Follows(_))
+}
+
 /// Values of the controls and poses of the bodies at one time, in the order of the plan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Load {
@@ -105,12 +110,11 @@ impl Island {
         pivots: Arc<Vec<[f64; 3]>>,
         n_controls: usize,
     ) -> Island {
-        let unknown = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
         let mut free = vec![PRESCRIBED; nodes.len()];
         let mut free_nodes = Vec::new();
         let mut fixed = Vec::new();
         for (n, m) in motion.iter().enumerate() {
-            if m.iter().any(unknown) {
+            if m.iter().any(is_unknown) {
                 free[n] = free_nodes.len() as u32;
                 free_nodes.push(n as u32);
                 fixed.extend(m.map(|m| m != Motion::Free));
@@ -370,9 +374,9 @@ impl LoadedIsland {
     /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
     /// local node.
     pub fn over(mut self, h: f64, masses: &[f64], x: &[f64], v: &[f64]) -> LoadedIsland {
-        let moves = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
         let mass = masses.iter().zip(&self.island.motion);
-        let mass = mass.flat_map(|(&m, motion)| motion.map(|c| if moves(&c) { m } else { 0.0 })).collect();
+        let mass =
+            mass.flat_map(|(&m, motion)| motion.map(|c| if is_unknown(&c) { m } else { 0.0 })).collect();
         self.inertia = Some(TimeStep::new(h, mass, x.to_vec(), v));
         self
     }
@@ -528,8 +532,9 @@ impl Potential for LoadedIsland {
         }
     }
 
-    /// The largest of the reactions of what is prescribed, the forces of any single load, fibre or membrane effect, of contact and of
-    /// inertia, and those of a strain of one millionth.
+    /// The largest of the reactions of what is prescribed (the internal forces there), the forces of any single fibre or membrane effect, of
+    /// a load on what is free, of contact and of inertia, and those of a strain of one millionth. What a load puts on supports says nothing
+    /// of the forces inside, and the opening of a pressure puts on its rim what no pressure does.
     fn force_scale(&self, x: &[f64]) -> f64 {
         let island = &self.island;
         let x = self.expand(x);
@@ -538,7 +543,11 @@ impl Potential for LoadedIsland {
         let mut total = vec![0.0; x.len()];
         let mut scale = island.least_scale;
         for (e, effect) in island.effects.iter().enumerate() {
-            let g = island.effect_gradient(e, &s);
+            let mut g = island.effect_gradient(e, &s);
+            if effect.part() == Part::Load {
+                let motions = island.motion.iter().flatten();
+                g.iter_mut().zip(motions).filter(|(_, m)| !is_unknown(m)).for_each(|(g, _)| *g = 0.0);
+            }
             if effect.part() != Part::Matrix {
                 scale = scale.max(norm(&g));
             }
@@ -551,13 +560,8 @@ impl Potential for LoadedIsland {
         if let Some(inertia) = &self.inertia {
             scale = scale.max(inertia.scale());
         }
-        for (n, motion) in island.motion.iter().enumerate() {
-            for c in 0..3 {
-                if matches!(motion[c], Motion::Free | Motion::Follows(_)) {
-                    total[3 * n + c] = 0.0;
-                }
-            }
-        }
+        let motions = island.motion.iter().flatten();
+        total.iter_mut().zip(motions).filter(|(_, m)| is_unknown(m)).for_each(|(t, _)| *t = 0.0);
         scale.max(norm(&total))
     }
 

@@ -30,6 +30,8 @@ const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
 const SHORTEST_SOFT_WAY: usize = 4;
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
+/// Unstable equilibria that are left in one load step.
+const MAX_KICKS: usize = 3;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
 
@@ -89,11 +91,15 @@ impl Run<'_> {
             // On the way nobody asks for the equilibrium but the next piece of it, which starts from it.
             self.tolerance = self.settings.tolerance.max(ON_THE_WAY);
             self.newton(potential, x, reached)?;
+            self.report.loose_steps += 1;
             return Ok(reached);
         }
         let mut kicks = 0;
         loop {
             self.newton(potential, x, target)?;
+            if self.report.least_det_f <= 0.0 {
+                return Err(self.stop(potential, x, Reason::Inverted));
+            }
             if self.met_indefinite && self.report.indefinite_at.last() != Some(&target) {
                 self.report.indefinite_at.push(target);
             }
@@ -102,14 +108,25 @@ impl Run<'_> {
                 Stability::WhereDoubtful => self.met_indefinite,
                 Stability::Never => false,
             };
-            if !(doubtful && self.supported) || kicks == 3 || self.is_stable(potential, x) {
+            self.report.tested_stable = doubtful && self.supported;
+            if !self.report.tested_stable || self.is_stable(potential, x) {
                 return Ok(target);
             }
             self.report.unstable_at.push(target);
+            if kicks == MAX_KICKS {
+                return Err(self.stop(potential, x, Reason::Unstable));
+            }
             tracing::info!(island = %self.name, step = self.step, load = target, "equilibrium is unstable, leaving it");
             kicks += 1;
             self.leave(potential, x, kicks);
         }
+    }
+
+    /// Why the equilibrium at `x` is none to be handed on.
+    fn stop(&self, potential: &dyn Loading, x: &[f64], reason: Reason) -> Box<NotConverged> {
+        let mut g = vec![0.0; x.len()];
+        self.gradient(potential, x, &mut g);
+        self.failure(potential, x, reason, 0, &g)
     }
 
     /// Takes `x` towards the equilibrium at the load `load` by way of softened contact; returns whether that led to a better place

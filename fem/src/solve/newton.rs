@@ -37,6 +37,26 @@ pub(super) struct Run<'a> {
     pub(super) met_indefinite: bool,
 }
 
+impl Run<'_> {
+    /// Why round-off ends the way from a residual to that of `wanted` \[N\] at `x`.
+    pub(super) fn round_off(&self, x: &[f64], residual: f64, wanted: f64) -> Reason {
+        let extent = extent(x);
+        let farthest = x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let floor = round_off(self.k, x);
+        // The same body about the origin would have been told apart.
+        let is_far = extent > 0.0 && floor * extent / farthest <= wanted;
+        let reachable = self.tolerance * floor.max(residual) / wanted;
+        Reason::RoundOff { floor, reachable, far: is_far.then_some((farthest, extent)) }
+    }
+}
+
+/// Greatest extent \[m\] of some positions along x, y or z.
+pub(super) fn extent(x: &[f64]) -> f64 {
+    let along = |c: usize| x.iter().skip(c).step_by(3);
+    let width = |c| along(c).fold(f64::MIN, |m, v| m.max(*v)) - along(c).fold(f64::MAX, |m, v| m.min(*v));
+    (0..3).map(width).fold(0.0, f64::max)
+}
+
 /// What one iteration adds to the log.
 #[derive(Default)]
 pub(super) struct Taken {
@@ -67,9 +87,14 @@ impl Run<'_> {
             }
             let wanted = self.wanted(scale);
             (self.report.residual, self.report.force_scale, self.report.energy) = (residual, scale, energy);
-            if residual <= wanted || residual <= round_off(self.k, x) {
+            self.report.wanted = wanted;
+            if residual <= wanted {
                 self.report.least_det_f = potential.least_det_f(x).0;
                 return Ok(());
+            }
+            if residual > last / 2.0 && residual <= round_off(self.k, x) {
+                let reason = self.round_off(x, residual, wanted);
+                return Err(self.failure(potential, x, reason, iteration, &g));
             }
             // Exact enough for quadratic convergence, and no more exact than the last step needs.
             let forcing = (residual / last).powi(2).min(1e-3).max(0.1 * wanted / residual).min(0.1);
@@ -90,19 +115,15 @@ impl Run<'_> {
             }
             let length = match found {
                 Ok(length) => length,
-                // Round-off, not the mechanics, ends the descent a little above the estimate.
-                Err(_) if residual <= 100.0 * round_off(self.k, x) => {
-                    self.report.least_det_f = potential.least_det_f(x).0;
-                    return Ok(());
-                }
                 Err(_) if !projected => {
                     self.convexity.next = self.convexity.enough;
                     self.met_indefinite = true;
                     self.linear.forget();
                     continue;
                 }
-                Err(_) if round_off(self.k, x) > wanted => {
-                    let reason = Reason::RoundOff { floor: round_off(self.k, x) };
+                // Round-off, not the mechanics, ends the descent a little above the estimate.
+                Err(_) if residual.max(wanted) <= 100.0 * round_off(self.k, x) => {
+                    let reason = self.round_off(x, residual, wanted);
                     return Err(self.failure(potential, x, reason, iteration, &g));
                 }
                 Err(reason) => return Err(self.failure(potential, x, reason, iteration, &g)),
@@ -125,8 +146,11 @@ impl Run<'_> {
             }
         }
         // Where what is wanted lies below round-off, stiffness and softness too far apart are why it creeps.
-        let floor = round_off(self.k, x);
-        let reason = if floor > self.wanted(scale) { Reason::RoundOff { floor } } else { Reason::Iterations };
+        let wanted = self.wanted(scale);
+        let reason = match round_off(self.k, x) > wanted {
+            true => self.round_off(x, norm(&g), wanted),
+            false => Reason::Iterations,
+        };
         Err(self.failure(potential, x, reason, self.settings.max_iterations, &g))
     }
 
@@ -146,6 +170,10 @@ impl Run<'_> {
                 rhs[i] = 0.0;
             }
         }
+        if self.report.work >= self.settings.max_work {
+            return Err(self.failure(potential, x, Reason::Work { most: self.settings.max_work }, 0, &rhs));
+        }
+        self.report.work += 1;
         let mut total = LinearReport::default();
         let (mut convexity, mut shift) = (self.convexity.next, 0.0);
         loop {
@@ -250,6 +278,7 @@ impl Run<'_> {
             island: self.name.clone(),
             step: self.step,
             load: 0.0, // the caller knows
+            loose: false,
             reason,
             iterations,
             residual: norm(g),

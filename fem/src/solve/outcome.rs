@@ -10,6 +10,11 @@ pub struct Advance {
     pub load_steps: usize,
     /// Load steps that failed and were tried again shorter.
     pub retries: usize,
+    /// Load steps that contact or folding cells cut short and that the way went on from in looser equilibrium than
+    /// was asked for (5 % of the forces in play). The end never is.
+    pub loose_steps: usize,
+    /// Linear systems solved, for Newton's method and predictions: what [`Settings::max_work`](super::Settings::max_work) bounds.
+    pub work: usize,
     /// Newton iterations, those of failed load steps included.
     pub iterations: usize,
     /// Conjugate gradient iterations.
@@ -18,6 +23,8 @@ pub struct Advance {
     pub factorizations: usize,
     /// Residual ‖g‖ \[N\] at the end.
     pub residual: f64,
+    /// Residual \[N\] that was asked for at the end: the tolerance times the forces in play.
+    pub wanted: f64,
     /// Forces in play \[N\] at the end.
     pub force_scale: f64,
     /// Potential \[J\] at the end.
@@ -30,6 +37,8 @@ pub struct Advance {
     pub indefinite_at: Vec<f64>,
     /// Loads at which an equilibrium was found unstable (buckling, snap-through) and left for a stable one.
     pub unstable_at: Vec<f64>,
+    /// Whether the equilibrium at the end was tested and is a minimum of the potential; otherwise nobody asked.
+    pub tested_stable: bool,
     /// Seconds in assembly (energy, gradient, Hessian).
     pub assembly_s: f64,
     /// Seconds in factorizations.
@@ -40,6 +49,13 @@ pub struct Advance {
     pub contact_s: f64,
     /// Seconds in all.
     pub total_s: f64,
+}
+
+impl Advance {
+    /// Residual relative to the forces in play; 0 where there are none.
+    pub fn relative_residual(&self) -> f64 {
+        if self.force_scale > 0.0 { self.residual / self.force_scale } else { 0.0 }
+    }
 }
 
 /// Why a load step went no further.
@@ -65,7 +81,27 @@ pub enum Reason {
     RoundOff {
         /// These forces \[N\].
         floor: f64,
+        /// Tolerance that could be reached.
+        reachable: f64,
+        /// Where a mesh far from the origin is why: its distance and its extent \[m\].
+        far: Option<(f64, f64)>,
     },
+    /// The shape grows without bound: there is no equilibrium at this load, or none anywhere near.
+    RunsAway {
+        /// Extent in the last equilibrium \[m\].
+        before: f64,
+        /// Extent where it was given up \[m\].
+        after: f64,
+    },
+    /// The forces balance in a shape with an inverted element, which a law that is finite there allows.
+    Inverted,
+    /// The work that a frame may take is done.
+    Work {
+        /// Linear systems that it may solve.
+        most: usize,
+    },
+    /// Every equilibrium that was found is a saddle of the potential.
+    Unstable,
     /// A gradient or energy that is not a number.
     NotFinite,
 }
@@ -80,11 +116,30 @@ impl std::fmt::Display for Reason {
             Reason::Singular { node, direction } => {
                 write!(f, "nothing resists {node} along {direction}; support it or give it stiffness")
             }
-            Reason::RoundOff { floor } => write!(
+            Reason::RoundOff { floor, far: Some((distance, extent)), .. } => write!(
+                f,
+                "round-off of the positions alone makes forces of {floor:.1e} N, because the mesh, {extent:.1e} m \
+                 large, lies {distance:.1e} m from the origin; move it there"
+            ),
+            Reason::RoundOff { floor, reachable, far: None } => write!(
                 f,
                 "round-off of the positions alone makes forces of {floor:.1e} N; the stiffest parts are too stiff \
-                 beside the softest, or the tolerance is too small"
+                 beside the softest, or the tolerance is too small (about {reachable:.0e} can be reached)"
             ),
+            Reason::RunsAway { before, after } => write!(
+                f,
+                "the shape grows without bound, from {before:.1e} m to {after:.1e} m: there is no equilibrium beyond (a limit \
+                 point), or nothing holds it"
+            ),
+            Reason::Inverted => write!(f, "the forces balance, but in a shape with an inverted element"),
+            Reason::Work { most } => write!(
+                f,
+                "{most} linear systems are solved, and no frame may take more; a way of shorter frames shows where it \
+                 gets hard, `max_work` allows for more"
+            ),
+            Reason::Unstable => {
+                write!(f, "every equilibrium found is unstable, and left for another one that is")
+            }
             Reason::NotFinite => write!(f, "forces are not finite numbers"),
         }
     }
@@ -119,6 +174,22 @@ pub enum SolveError {
         /// What can move, and how.
         parts: Vec<FreePart>,
     },
+    /// Solver settings that cannot be.
+    #[error("solver settings: {}", mistakes.join("; "))]
+    Settings {
+        /// All of them, with their remedies.
+        mistakes: Vec<String>,
+    },
+    /// A start or load of another plan.
+    #[error("{what} has {found} entries, the plan needs {needed}")]
+    Count {
+        /// The list.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// What it should be, with what it counts.
+        needed: String,
+    },
     /// Inertia needs time.
     #[error(
         "step {step}: no time passes from {from} s to {to} s, and inertia needs some; times of the drive must increase from 0 on"
@@ -145,6 +216,8 @@ pub struct NotConverged {
     pub step: usize,
     /// Load of the last equilibrium; its positions are kept.
     pub load: f64,
+    /// Whether that one is looser than was asked for, to 5 % of the forces in play: a load step that was cut short on its way.
+    pub loose: bool,
     /// What stopped the last attempt to go farther.
     pub reason: Reason,
     /// Newton iterations of that attempt.
@@ -161,11 +234,16 @@ pub struct NotConverged {
 
 impl std::fmt::Display for NotConverged {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let NotConverged { island, step, load, reason, iterations, residual, wanted, det_f, place } = self;
+        let NotConverged { island, step, load, loose, reason, iterations, residual, wanted, det_f, place } =
+            self;
         write!(
             f,
             "`{island}`, step {step}: not converged beyond load {load:.4}: {reason}; after {iterations} iterations the \
              residual was {residual:.2e} N, wanted {wanted:.1e} N; least det F = {det_f:.2e} in {place}"
-        )
+        )?;
+        match loose {
+            true => write!(f, "; at load {load:.4} there is equilibrium to 5 % of the forces only"),
+            false => Ok(()),
+        }
     }
 }

@@ -4,11 +4,15 @@
 
 use super::convexity::Convexity;
 use super::linear::LinearSolver;
-use super::newton::Run;
+use super::newton::{Run, extent};
 use super::rigid::free_parts;
 use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pattern, Reason, SolveError};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Growth of a body in a load step whose failure is put down to running away. Bars pulled to six times their length are the farthest known
+/// equilibria.
+const RUN_AWAY: f64 = 10.0;
 
 /// Which equilibria are tested for stability.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,15 +29,19 @@ pub enum Stability {
 /// How the solver works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Wanted ‖g‖ relative to the forces in play ([`Potential::force_scale`](super::Potential::force_scale)).
+    /// Wanted ‖g‖ relative to the forces in play ([`Potential::force_scale`](super::Potential::force_scale)), above 0 and below 1.
+    /// Nothing looser is ever called solved.
     pub tolerance: f64,
     /// Forces in play \[N\] are taken to be at least this, so that a slack body is not solved to forces that nobody asks for.
     pub least_force: f64,
-    /// Newton iterations in one load step before it is tried shorter.
+    /// Newton iterations in one load step before it is tried shorter, at least 1.
     pub max_iterations: usize,
-    /// First load step; 1 is all at once.
+    /// Linear systems that a frame may solve per island, at least 1. Ten times what the hardest frames known take (slack straps: 441), so
+    /// that a run that only creeps ends.
+    pub max_work: usize,
+    /// First load step, above 0; 1 is all at once.
     pub first_step: f64,
-    /// Load steps shorter than this are not tried.
+    /// Load steps shorter than this are not tried; above 0.
     pub least_step: f64,
     /// Factors of double precision from the start (single is tried first otherwise; the answer is double either way).
     pub double_precision_factor: bool,
@@ -47,10 +55,60 @@ impl Default for Settings {
             tolerance: 1e-6,
             least_force: 0.0,
             max_iterations: 60,
+            max_work: 5000,
             first_step: 1.0,
             least_step: 1e-4,
             double_precision_factor: false,
             stability: Stability::default(),
+        }
+    }
+}
+
+/// Whether a body grew so much from `good` to `x` \[m\] that its load step did not fail for anything else.
+fn runs_away(good: &[f64], x: &[f64]) -> Option<Reason> {
+    let (before, after) = (extent(good), extent(x));
+    (before > 0.0 && after > RUN_AWAY * before).then_some(Reason::RunsAway { before, after })
+}
+
+impl Settings {
+    /// Everything that cannot be, with what it must be.
+    pub fn mistakes(&self) -> Vec<String> {
+        let Settings { tolerance, least_force, max_iterations, max_work, first_step, least_step, .. } = self;
+        let number = |value: &f64| format!("{value:e}");
+        [
+            ("tolerance", number(tolerance), *tolerance > 0.0 && *tolerance < 1.0, "above 0 and below 1"),
+            (
+                "least_force [N]",
+                number(least_force),
+                *least_force >= 0.0 && least_force.is_finite(),
+                "0 or a positive number",
+            ),
+            ("max_iterations", max_iterations.to_string(), *max_iterations > 0, "at least 1"),
+            ("max_work", max_work.to_string(), *max_work > 0, "at least 1"),
+            (
+                "first_step",
+                number(first_step),
+                *first_step > 0.0 && *first_step <= 1.0,
+                "above 0 and at most 1",
+            ),
+            (
+                "least_step",
+                number(least_step),
+                *least_step > 0.0 && *least_step <= 1.0,
+                "above 0 and at most 1",
+            ),
+        ]
+        .into_iter()
+        .filter(|(_, _, good, _)| !good)
+        .map(|(name, value, _, must)| format!("{name} is {value}, must be {must}"))
+        .collect()
+    }
+
+    /// Refuses settings that cannot be.
+    pub fn check(&self) -> Result<(), SolveError> {
+        match self.mistakes() {
+            mistakes if mistakes.is_empty() => Ok(()),
+            mistakes => Err(SolveError::Settings { mistakes }),
         }
     }
 }
@@ -97,6 +155,7 @@ impl Solver {
         step: usize,
         log: &mut Vec<Iteration>,
     ) -> Result<Advance, SolveError> {
+        self.settings.check()?;
         let start = Instant::now();
         potential.set_load(0.0, x);
         if !potential.energy(x).is_finite() {
@@ -122,6 +181,7 @@ impl Solver {
         };
         let (mut t, mut length) = (0.0, settings.first_step);
         let mut good = x.to_vec();
+        let mut loose = false;
         while t < 1.0 {
             let target = if t + length > 1.0 - 1e-9 { 1.0 } else { t + length };
             let before = run.report.iterations;
@@ -129,22 +189,27 @@ impl Solver {
                 Ok(reached) => {
                     run.report.load_steps += 1;
                     t = reached;
+                    loose = reached < target;
                     good.copy_from_slice(x);
                     // Where contact cut the step short its length was no fault of Newton's method.
                     if reached == target && run.report.iterations - before <= 12 {
                         length *= 2.0;
                     }
                 }
-                Err(failure) => {
+                Err(mut failure) => {
                     run.report.retries += 1;
+                    if let Some(reason) = runs_away(&good, x) {
+                        failure.reason = reason;
+                    }
                     x.copy_from_slice(&good);
                     potential.set_load(t, x);
                     run.linear.forget();
                     length = (target - t) / 4.0;
                     tracing::info!(island = %run.name, step, load = target, reason = %failure.reason, "load step fails, retry");
-                    let hopeless = matches!(failure.reason, Reason::NotFinite);
+                    let hopeless = matches!(failure.reason, Reason::NotFinite | Reason::Work { .. });
                     if length < settings.least_step || hopeless {
-                        return Err(SolveError::NotConverged(Box::new(NotConverged { load: t, ..*failure })));
+                        let stop = NotConverged { load: t, loose, ..*failure };
+                        return Err(SolveError::NotConverged(Box::new(stop)));
                     }
                 }
             }

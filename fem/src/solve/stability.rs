@@ -1,7 +1,7 @@
 //! Is an equilibrium stable, and which way leads out of one that is not?
 
 use super::Loading;
-use super::newton::Run;
+use super::newton::{Run, extent};
 
 impl Run<'_> {
     /// Whether the Hessian at `x` is positive definite.
@@ -38,13 +38,7 @@ impl Run<'_> {
             let largest = mode.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             mode.iter_mut().for_each(|v| *v /= largest);
         }
-        let extent = (0..3)
-            .map(|c| {
-                let along = || x.iter().skip(c).step_by(3);
-                along().fold(f64::MIN, |m, v| m.max(*v)) - along().fold(f64::MAX, |m, v| m.min(*v))
-            })
-            .fold(0.0, f64::max);
-        let mut size = 1e-3 * extent * kick as f64;
+        let mut size = 1e-3 * extent(x) * kick as f64;
         let mut trial = vec![0.0; n];
         let places = potential.touching(x);
         for _ in 0..20 {

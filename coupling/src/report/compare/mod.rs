@@ -6,9 +6,12 @@ mod cost;
 mod figures;
 mod nodal;
 mod published;
+mod settled;
 mod slices;
 mod tables;
 mod viewer;
+
+pub use settled::Settled;
 
 use fem::mesh::muscle::Bone;
 use fem::plan::Plan;
@@ -147,6 +150,14 @@ impl CompareReport<'_> {
             }
         }
         all
+    }
+
+    /// How closely the forces balance in each configuration that has solved frames.
+    pub fn settled(&self) -> Vec<Settled> {
+        let of = |(c, computed): (usize, &Option<Computed>)| {
+            Settled::new(CONFIGURATIONS[c], &computed.as_ref()?.result.run)
+        };
+        self.configurations.iter().enumerate().filter_map(of).collect()
     }
 
     /// Why the run is not solved; empty where it is.

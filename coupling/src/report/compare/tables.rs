@@ -36,8 +36,8 @@ pub(super) fn headline(report: &CompareReport) -> String {
     );
     let missed = report.shortcomings();
     let (class, verdict, detail) = if missed.is_empty() {
-        let done: Vec<&str> = computed(report).map(|c| CONFIGURATIONS[c]).collect();
-        ("ok", "Solved", format!("Every step {} is in equilibrium.", done.join(" and ")))
+        let done: Vec<String> = report.settled().iter().map(ToString::to_string).collect();
+        ("ok", "Solved", format!("To the residual asked for: {}.", done.join("; ")))
     } else {
         ("bad", "Not solved", missed.join("; "))
     };
