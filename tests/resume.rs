@@ -2,14 +2,14 @@
 //!
 //! `SARTORIUS_KILLS=20 cargo test --release -p sartorius-tests --test resume` kills at 20 random moments instead of 3.
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use fem::mesh::{LengthUnit, format::vtu};
 use serde_json::Value;
+use support::results::{files, files_without_times};
 use support::{Random, program, sartorius};
 
 const SCENE: &str = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 18.0\nstress_free = \"heel_strike\"\n";
@@ -18,54 +18,17 @@ fn arguments(out: &str) -> Vec<&str> {
     vec!["compare", "scene.toml", "--contact", "both", "--out", out]
 }
 
-/// All files below a folder by their path in it.
-fn files(folder: &Path) -> BTreeMap<String, PathBuf> {
-    let mut found = BTreeMap::new();
-    let mut open = vec![folder.to_path_buf()];
-    while let Some(at) = open.pop() {
-        for entry in fs::read_dir(&at).into_iter().flatten() {
-            let path = entry.unwrap().path();
-            match path.is_dir() {
-                true => open.push(path),
-                false => {
-                    found.insert(path.strip_prefix(folder).unwrap().to_str().unwrap().to_string(), path);
-                }
-            }
-        }
-    }
-    found
-}
-
 fn json(file: &Path) -> Value {
     serde_json::from_slice(&fs::read(file).unwrap())
         .unwrap_or_else(|e| panic!("{} is cut: {e}", file.display()))
 }
 
-/// What a file says but for the seconds that a run took.
-fn timeless(name: &str, path: &Path) -> Vec<u8> {
-    let bytes = fs::read(path).unwrap();
-    let text = String::from_utf8_lossy(&bytes);
-    if name.ends_with("iterations.csv") {
-        return text
-            .lines()
-            .map(|l| l.rsplit_once(',').unwrap().0)
-            .collect::<Vec<_>>()
-            .join("\n")
-            .into_bytes();
-    }
-    if name == "report.html" {
-        let (before, rest) = text.split_once("<section id=\"cost\">").unwrap();
-        return [before, rest.split_once("</section>").unwrap().1].concat().into_bytes();
-    }
-    bytes
-}
-
 /// The same files with the same content, times apart.
 fn assert_same(a: &Path, b: &Path) {
-    let (one, other) = (files(a), files(b));
+    let (one, other) = (files_without_times(a), files_without_times(b));
     assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
-    for (name, path) in one.iter().filter(|(name, _)| *name != "run.json") {
-        assert!(timeless(name, path) == timeless(name, &other[name]), "{name} differs");
+    for (name, said) in &one {
+        assert!(said == &other[name], "{name} differs");
     }
 }
 

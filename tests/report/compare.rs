@@ -40,6 +40,7 @@ fn report(small: &Small) -> CompareReport<'_> {
         Some(Computed { plan, result })
     };
     CompareReport {
+        subject: "S01, male, 70 kg, 1.72 m, right leg",
         name: "two <glutei>",
         thigh: &small.study.thigh,
         bones: &small.prepared.made.as_ref().unwrap().bones,

@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod compare;
 pub mod mesh;
+pub mod origin;
 pub mod run;
 pub mod sto;
 pub mod tables;
@@ -14,6 +15,7 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::report::OptimizeReport;
+use crate::subject::words;
 use atomic::OutputFolder;
 use run::RunRecord;
 use tables::Series;
@@ -62,6 +64,7 @@ pub fn write_optimize(
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
     let name = &report.trial.name;
+    let who = words(report.trial);
     let mut out = OutputFolder::open(folder)?;
 
     let kinematics = tables::kinematics(report.motion);
@@ -82,7 +85,9 @@ pub fn write_optimize(
         ("muscle_forces", forces.without_units(), false),
         ("activations", activations, false),
     ] {
-        out.write(&format!("{file}.sto"), |w| sto::write(w, &format!("{name} {file}"), &series, degrees))?;
+        out.write(&format!("{file}.sto"), |w| {
+            sto::write(w, &format!("{name} {file} ({who})"), &series, degrees)
+        })?;
     }
     let page = crate::report::optimize_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
