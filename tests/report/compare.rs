@@ -9,7 +9,7 @@ use coupling::scene::Scene;
 use coupling::steps::StepName;
 use coupling::study::{Prepared, Study};
 use fem::geometry::Surface;
-use fem::output::fields;
+use fem::parts::fields;
 use nalgebra::Vector3;
 use serde_json::Value;
 

@@ -248,6 +248,7 @@ impl Walk {
             left_out: &self.left_out,
             notes: &self.notes,
             measured: self.overlay.as_ref(),
+            gait2392: None,
         }
     }
 

@@ -16,6 +16,7 @@ use super::Outcome;
 use crate::error::CommandError;
 use crate::number::{plain, short};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
+use crate::output::opensim;
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use crate::output::write_optimize;
@@ -273,6 +274,7 @@ pub fn run(arguments: &OptimizeArguments) -> Result<Outcome, CommandError> {
         left_out: &left_out(arguments),
         notes: &notes(&done),
         measured: done.measured.as_ref(),
+        gait2392: Some(&opensim::motion(&done.model, &done.motion, done.case.trial.side)),
     };
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
