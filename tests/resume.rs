@@ -193,7 +193,7 @@ fn frames_hold_stress_fibres_contact_pressure_and_moving_bones() {
     for (configuration, touching) in [("no_contact", false), ("contact", true)] {
         let parts = collection(&folder.path().join("out").join(configuration).join("thigh.pvd"));
         let names: Vec<(f64, &str)> = parts.iter().map(|(t, name, _)| (*t, name.as_str())).collect();
-        let all = ["solids", "fibres", "membranes", "strands", "bones"];
+        let all = ["solids", "fibres", "membranes", "bones"]; // the glutei have no tendons
         let wanted: Vec<(f64, &str)> = times.iter().flat_map(|t| all.map(|name| (*t, name))).collect();
         assert_eq!(names, wanted, "{configuration}");
         for (_, name, part) in &parts {
@@ -222,11 +222,9 @@ fn frames_hold_stress_fibres_contact_pressure_and_moving_bones() {
             let size = s.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
             assert!((s[0] + s[4] + s[8] + 3.0 * p).abs() < 1e-9 * size, "{s:?} and {p}");
         }
-        for name in ["fibres", "strands"] {
-            assert!(most(name, "stretch") > 0.5 && most(name, "force_N") > 0.0, "{configuration}: {name}");
-            for d in field(name, "fibre_direction").values.chunks_exact(3) {
-                assert!((d.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
-            }
+        assert!(most("fibres", "stretch") > 0.5 && most("fibres", "force_N") > 0.0, "{configuration}");
+        for d in field("fibres", "fibre_direction").values.chunks_exact(3) {
+            assert!((d.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
         }
         assert!(most("membranes", "area_ratio") > 0.5 && most("membranes", "tension_N_per_m") > 0.0);
         assert!(most("solids", "displacement_m") > 1e-3);
