@@ -13,7 +13,7 @@ use fem::run::{Drive, Frame, Run};
 use fem::solve::{Iteration, Settings, Stability};
 
 use crate::cache::{Cache, content_hash};
-use crate::compare::{CompareError, Configuration, configuration, drive, measured};
+use crate::compare::{CompareError, Configuration, beside, configuration, drive, measured};
 use crate::error::CommandError;
 use crate::explain;
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
@@ -224,7 +224,10 @@ impl Prepared {
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(FOLDERS[c]);
-            let done = configuration(&plan, thigh, &way, steps, &settings, &folder, restart, &mut |_| ())?;
+            let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+            let beside = beside(&way, steps, self.scene.stress_free, bones);
+            let done =
+                configuration(&plan, thigh, &way, steps, &settings, &folder, &beside, restart, &mut |_| ())?;
             lap(STAGES[3 + c]);
             study.configurations[c] = Some((plan, done));
         }
@@ -283,7 +286,10 @@ impl Prepared {
                 coupled.iterations.iter().cloned().map(|row| Iteration { step: on_the_way + k, ..row }),
             );
         }
-        let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh");
+        let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+        let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
+        let write =
+            |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
         write(&one_way.run, ONE_WAY_FOLDER)
             .and_then(|()| write(&run, FOLDERS[0]))
             .map_err(CompareError::from)?;

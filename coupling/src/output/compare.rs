@@ -9,6 +9,7 @@ use super::atomic::OutputFolder;
 use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
+use crate::number::plain;
 use crate::report::compare::{CompareReport, OneWayRow, compare_page};
 use crate::study::{FOLDERS, ONE_WAY_FOLDER};
 
@@ -22,15 +23,15 @@ pub fn write_compare(
     for (c, name) in ["fe_forces_no_contact", "fe_forces_contact"].into_iter().enumerate() {
         let file = format!("{name}.sto");
         match forces(report, |row| row.fe[c].map_or(f64::NAN, |f| f.total)) {
-            series if report.configurations[c].is_some() => {
-                out.write(&file, |w| sto::write(w, &format!("{} {name}", report.name), &series, false))?
-            }
+            series if report.configurations[c].is_some() => out.write(&file, |w| {
+                sto::write(w, &format!("{} {name} ({})", report.name, report.subject), &series, false)
+            })?,
             _ => out.remove(&file)?,
         }
     }
     let rigid = forces(report, |row| row.rigid);
     out.write("rigid_forces.sto", |w| {
-        sto::write(w, &format!("{} rigid_forces", report.name), &rigid, false)
+        sto::write(w, &format!("{} rigid_forces ({})", report.name, report.subject), &rigid, false)
     })?;
     let before = |of: fn(OneWayRow) -> f64| forces(report, move |row| row.one_way.map_or(f64::NAN, of));
     for (name, series) in [
@@ -49,7 +50,6 @@ pub fn write_compare(
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = serde_json::to_value(report.differences()).ok();
     record.settled = serde_json::to_value(report.settled()).expect("plain data");
-    record.threads = rayon::current_num_threads();
     record.files = out.files().to_vec();
     for folder in FOLDERS.into_iter().chain(report.one_way.map(|_| ONE_WAY_FOLDER)) {
         // What a killed run would have gone on from.
@@ -97,7 +97,7 @@ fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()>
     )?;
     for (k, step) in report.steps.iter().enumerate() {
         for row in report.rows(k) {
-            let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.3}"));
+            let number = |v: Option<f64>| v.map_or(String::new(), |v| plain(v, 3));
             let parts = row.fe[1].or(row.fe[0]);
             let columns = [
                 number(Some(row.rigid)),
