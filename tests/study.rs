@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 
 use coupling::cache::FOLDER;
 use coupling::compare::StressFree;
+use coupling::estimate::{Expected, Work};
 use coupling::explain::explain;
 use coupling::scene::{Fibres, Scene};
 use coupling::steps::StepName;
-use coupling::study::Prepared;
+use coupling::study::{Prepared, Sized};
+use coupling::thigh::build::Thigh;
 use fem::measure::nodal_forces;
 use fem::scene::ContactMode;
 use nalgebra::Vector3;
@@ -153,6 +155,60 @@ fn shipped_scenes_are_good_and_plans_name_what_is_left_out() {
     }
 }
 
+/// Ring or plain grid, and which nodes lie close enough to bone to be tied, is known of the mesh only.
+#[test]
+fn a_plan_counts_on_a_draft_what_the_mesh_will_have() {
+    let scene = "muscles = [\"vastus_lateralis\", \"vastus_intermedius\", \"rectus_femoris\", \"gluteus_medius\", \"gracilis\"]\n\
+                 resolution_mm = 16.0\n";
+    let prepared = Prepared::new(parse(scene).unwrap(), None, &mut |_| ()).unwrap();
+    let thigh = Sized::new(parse(scene).unwrap(), None).unwrap().draft().unwrap();
+    let draft = Work::of_draft(&prepared.scene, &thigh, [true, true]);
+    for (c, draft) in draft.into_iter().enumerate() {
+        let draft = draft.unwrap();
+        let mesh = Work::of_plan(&prepared.plan(&prepared.thigh, c).unwrap());
+        println!("{draft:?}\n{mesh:?}");
+        assert_eq!(draft.islands, mesh.islands);
+        for (said, is) in [
+            (draft.unknowns as f64, mesh.unknowns as f64),
+            (draft.blocks as f64, mesh.blocks as f64),
+            (draft.factors as f64, mesh.factors as f64),
+        ] {
+            assert!((said / is - 1.0).abs() < 0.02, "{said} and {is}");
+        }
+        assert!((draft.operations / mesh.operations - 1.0).abs() < 0.05);
+    }
+    let elements = |thigh: &Thigh| Expected::of(&prepared.scene, thigh, [None, None]).elements;
+    assert_eq!(elements(&thigh), elements(&prepared.thigh));
+    assert_eq!(thigh.tendons.len(), 3);
+}
+
+#[test]
+fn a_stage_is_a_line_where_standard_error_is_piped() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "muscles = [\"gluteus_minimus\"]\nresolution_mm = 18.0\n[effects]\nfibres = \"none\"\ncontact = \"none\"\n";
+    fs::write(folder.path().join("one.toml"), scene).unwrap();
+    let stages = |arguments: &[&str]| -> Vec<String> {
+        let output = sartorius(arguments, folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let stage = |line: &str| -> String {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let [name @ .., seconds, "s"] = &words[..] else { panic!("{line}") };
+            assert!(seconds.parse::<f64>().unwrap() >= 0.0);
+            name.join(" ")
+        };
+        text(&output.stderr).lines().map(stage).collect()
+    };
+    assert_eq!(stages(&["compare", "one.toml"]), ["rigid leg", "mesh", "without contact", "write"]);
+    assert_eq!(stages(&["mesh", "--only", "gracilis", "--resolution", "20"]), ["read", "mesh", "write"]);
+    let rigid = ["read", "model", "marker fit", "loads", "sharing", "activations", "write"];
+    assert_eq!(stages(&["optimize"]), rigid);
+    for command in
+        [&["compare", "one.toml"][..], &["mesh", "--only", "gracilis", "--resolution", "20"], &["optimize"]]
+    {
+        assert!(stages(&[command, &["--quiet"]].concat()).is_empty());
+    }
+}
+
 #[test]
 fn the_rigid_leg_alone_is_a_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -173,9 +229,9 @@ fn a_step_is_one_configuration_and_json_is_its_verdict() {
     let scene = "muscles = [\"gluteus_minimus\"]\nresolution_mm = 16.0\nstress_free = \"heel_strike\"\n\
                  [effects]\nshells = false\ncontact = \"none\"\n[[step]]\nname = \"heel_strike\"\n";
     fs::write(folder.path().join("one.toml"), scene).unwrap();
-    let output = sartorius(&["step", "one.toml", "--json", "--threads", "1"], folder.path());
+    let output = sartorius(&["step", "one.toml", "--json", "--threads", "1", "--quiet"], folder.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    assert!(output.stderr.is_empty(), "a piped bar is silent: {}", text(&output.stderr));
+    assert!(output.stderr.is_empty(), "quiet: {}", text(&output.stderr));
     let verdict: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&verdict["status"], &verdict["scene"]), (&"solved".into(), &"one".into()));
     let differences = verdict["differences"].as_array().unwrap();
@@ -244,7 +300,7 @@ fn calibrations_are_kept_and_change_no_byte() {
         );
         fs::write(at.join("one.toml"), scene).unwrap();
         let run = |out: &str| {
-            let output = sartorius(&["compare", "one.toml", "--out", out], &at);
+            let output = sartorius(&["compare", "one.toml", "--quiet", "--out", out], &at);
             assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
             let table = |name: &str| fs::read(at.join(out).join(name)).unwrap();
             ((table("comparison.csv"), table("calibration.csv")), text(&output.stderr))
@@ -283,7 +339,13 @@ fn timeless(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         for entry in fs::read_dir(folder.join(sub)).unwrap() {
             let path = entry.unwrap().path();
             let name = path.strip_prefix(folder).unwrap().to_str().unwrap().to_string();
-            let timed = ["run.json", "report.html", "no_contact/iterations.csv", "no_contact/thigh.json"];
+            let timed = [
+                ".sartorius",
+                "run.json",
+                "report.html",
+                "no_contact/iterations.csv",
+                "no_contact/thigh.json",
+            ];
             if path.is_file() && !timed.contains(&name.as_str()) {
                 found.insert(name, fs::read(&path).unwrap());
             }

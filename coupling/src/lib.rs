@@ -7,6 +7,7 @@ pub mod capacity;
 pub mod cli;
 pub mod compare;
 pub mod error;
+pub mod estimate;
 pub mod explain;
 pub mod fibres;
 pub mod fixed_point;

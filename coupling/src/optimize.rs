@@ -157,11 +157,23 @@ impl Case {
     }
 }
 
+/// Stages of [`optimize`].
+pub const STAGES: [&str; 6] = ["read", "model", "marker fit", "loads", "sharing", "activations"];
+
 /// Runs the whole rigid side.
 pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, CommandError> {
+    optimize_with(options, &mut |_| ())
+}
+
+/// The same; `lap` is called as each of the [`STAGES`] ends.
+pub fn optimize_with(
+    options: &OptimizeOptions,
+    lap: &mut dyn FnMut(&str),
+) -> Result<Optimized, CommandError> {
     let mut stages = Vec::new();
     let mut clock = Instant::now();
     let mut lap = |name: &'static str| {
+        lap(name);
         stages.push((name, clock.elapsed()));
         clock = Instant::now();
     };

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fem::mesh::Mesh;
+use fem::mesh::muscle::limb::Limb;
 use fem::output::{Restart, write_run};
 use fem::plan::Plan;
 use fem::run::{Drive, Frame, Run};
@@ -26,7 +27,7 @@ use crate::steps::{RigidStep, rigid_step};
 use crate::subject::{factors, limb_map};
 use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
-use crate::thigh::{BuiltIn, from_limb, from_surfaces, limb};
+use crate::thigh::{BuiltIn, draft, from_limb, limb, limb_of_surfaces};
 use crate::two_way::{Coupled, Coupling, TwoWay};
 
 /// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N, or where the
@@ -43,10 +44,7 @@ pub const SETTINGS: Settings = Settings {
     stability: Stability::Never,
 };
 
-/// Folders of the configurations without and with contact.
-pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
-/// Folder of the frames of the one-way result, where there is a two-way one.
-pub const ONE_WAY_FOLDER: &str = "one_way";
+pub use crate::output::claim::{FOLDERS, ONE_WAY_FOLDER};
 /// Stages of a study, in their order.
 pub const STAGES: [&str; 5] = ["rigid leg", "mesh", "calibration", "without contact", "with contact"];
 
@@ -66,6 +64,18 @@ pub struct Prepared {
     pub thigh: Thigh,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
+}
+
+/// A scene that can be solved: nothing is wrong with it.
+pub struct Ready {
+    /// The thigh with its fibres.
+    pub thigh: Thigh,
+    /// How its fibres were calibrated.
+    pub calibration: Calibration,
+    /// Per step the control of every muscle.
+    pub controls: Vec<Vec<f64>>,
+    /// Without and with contact, where asked for.
+    plans: [Option<Plan>; 2],
 }
 
 /// What came of a scene.
@@ -92,13 +102,21 @@ pub struct OneWay {
     pub result: Configuration,
 }
 
-impl Prepared {
-    /// Computes the rigid leg and meshes the thigh. `data`: folder of recordings and surfaces; `lap` is called as each stage ends.
-    pub fn new(
-        scene: Scene,
-        data: Option<&Path>,
-        lap: &mut dyn FnMut(&str),
-    ) -> Result<Prepared, CommandError> {
+/// A scene with the rigid leg, before its mesh.
+pub struct Sized {
+    /// The scene.
+    pub scene: Scene,
+    done: Optimized,
+    registration: Registration,
+    steps: Vec<RigidStep>,
+    /// Muscles and bones in the size of the subject; `None` for the rigid leg alone.
+    limb: Option<Limb>,
+    inputs: Vec<PathBuf>,
+}
+
+impl Sized {
+    /// Computes the rigid leg and reads the thigh. `data`: folder of recordings and surfaces.
+    pub fn new(scene: Scene, data: Option<&Path>) -> Result<Sized, CommandError> {
         let options = OptimizeOptions {
             trial: scene.trial.clone(),
             data: data.map(Path::to_path_buf),
@@ -127,25 +145,52 @@ impl Prepared {
             }
             steps.push(step);
         }
-        lap(STAGES[0]);
-        let effects = ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells };
-        let made = match (&scene.surfaces, scene.deformable) {
+        let limb = match (&scene.surfaces, scene.deformable) {
             (_, false) => None,
-            (None, true) => {
-                let limb = match &sizes {
-                    Some(sizes) => limb()?.mapped(&limb_map(sizes))?,
-                    None => limb()?,
-                };
-                Some(from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects)?)
-            }
+            (None, true) => Some(match &sizes {
+                Some(sizes) => limb()?.mapped(&limb_map(sizes))?,
+                None => limb()?,
+            }),
             (Some(folder), true) => {
-                let bones = folder.join("..").join("bones");
-                let (made, files) =
-                    from_surfaces(folder, &bones, scene.resolution, scene.draw_in, &scene.muscles, effects)?;
+                let (limb, files) =
+                    limb_of_surfaces(folder, &folder.join("..").join("bones"), &scene.muscles)?;
                 inputs.extend(files);
-                Some(made)
+                Some(limb)
             }
         };
+        Ok(Sized { scene, done, registration, steps, limb, inputs })
+    }
+
+    /// The thigh before its mesh is made, to be counted; without muscles where the rigid leg is alone.
+    pub fn draft(&self) -> Result<Thigh, CommandError> {
+        let Some(limb) = &self.limb else { return Ok(names_only()) };
+        let Scene { resolution, draw_in, muscles, .. } = &self.scene;
+        Ok(draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?)
+    }
+}
+
+fn effects(scene: &Scene) -> ThighEffects {
+    ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells }
+}
+
+impl Prepared {
+    /// Computes the rigid leg and meshes the thigh. `data`: folder of recordings and surfaces; `lap` is called as each stage ends.
+    pub fn new(
+        scene: Scene,
+        data: Option<&Path>,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Prepared, CommandError> {
+        let sized = Sized::new(scene, data)?;
+        lap(STAGES[0]);
+        Prepared::of(sized, lap)
+    }
+
+    /// Meshes the thigh. `lap` is called as that ends.
+    pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CommandError> {
+        let Sized { scene, done, registration, steps, limb, inputs } = sized;
+        let made = limb
+            .map(|limb| from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects(&scene)))
+            .transpose()?;
         if made.is_some() {
             lap(STAGES[1]);
         }
@@ -180,27 +225,19 @@ impl Prepared {
         thigh
     }
 
-    /// Calibrates the fibres and solves the steps without and with contact, as `asked` says; frames go to the [`FOLDERS`] in `folder`.
-    /// Calibrations are kept in the [`Cache`] beside it.
-    /// `resume`: solved frames of a killed run of the same scene are taken over. `lap` is called as each stage ends.
-    pub fn solve(
+    /// Calibrates the fibres and compiles the configurations that are `asked` for: without contact, with contact. What is wrong with the
+    /// scene shows here. Calibrations are kept in the [`Cache`] beside `folder`. `lap` is called as the stage ends.
+    pub fn calibrate(
         &self,
         asked: [bool; 2],
         folder: &Path,
-        resume: bool,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Study, CommandError> {
+    ) -> Result<Ready, CommandError> {
         let thigh = self.thigh.clone();
-        let mut study = Study {
-            thigh,
-            calibration: Calibration::None,
-            controls: Vec::new(),
-            steps: self.steps.clone(),
-            configurations: [None, None],
-            one_way: None,
-        };
+        let calibration = Calibration::None;
+        let mut ready = Ready { thigh, calibration, controls: Vec::new(), plans: [None, None] };
         if self.made.is_none() {
-            return Ok(study);
+            return Ok(ready);
         }
         let DrivenFibres { thigh, calibration, controls } = driven_fibres(
             &self.thigh,
@@ -212,13 +249,48 @@ impl Prepared {
             &SETTINGS,
             Some(&Cache::beside(folder)),
         )?;
-        (study.thigh, study.calibration, study.controls) = (thigh, calibration, controls);
+        (ready.thigh, ready.calibration, ready.controls) = (thigh, calibration, controls);
         if self.scene.fibres != Fibres::None {
             lap(STAGES[2]);
         }
-        let (thigh, steps) = (&study.thigh, &self.steps);
         for c in (0..2).filter(|c| asked[*c]) {
-            let plan = self.plan(thigh, c)?;
+            ready.plans[c] = Some(self.plan(&ready.thigh, c)?);
+        }
+        Ok(ready)
+    }
+
+    /// [`Prepared::calibrate`] and [`Prepared::solve_ready`].
+    pub fn solve(
+        &self,
+        asked: [bool; 2],
+        folder: &Path,
+        resume: bool,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Study, CommandError> {
+        self.solve_ready(self.calibrate(asked, folder, lap)?, folder, resume, lap)
+    }
+
+    /// Solves the steps in every configuration; frames go to the [`FOLDERS`] in `folder`.
+    /// `resume`: solved frames of a killed run of the same scene are taken over. `lap` is called as each stage ends.
+    pub fn solve_ready(
+        &self,
+        ready: Ready,
+        folder: &Path,
+        resume: bool,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Study, CommandError> {
+        let Ready { thigh, calibration, controls, plans } = ready;
+        let mut study = Study {
+            thigh,
+            calibration,
+            controls,
+            steps: self.steps.clone(),
+            configurations: [None, None],
+            one_way: None,
+        };
+        let (thigh, steps) = (&study.thigh, &self.steps);
+        for (c, plan) in plans.into_iter().enumerate() {
+            let Some(plan) = plan else { continue };
             let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
             let settings = Settings { tolerance: self.scene.residuals[c] / SETTINGS.least_force, ..SETTINGS };
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);

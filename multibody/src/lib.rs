@@ -21,6 +21,7 @@ pub mod natural;
 pub mod read;
 pub mod share;
 pub mod sharing;
+pub mod shipped;
 pub mod tables;
 pub mod tangent;
 pub mod trial;

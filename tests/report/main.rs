@@ -10,6 +10,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use coupling::output::atomic::OutputFolder;
 use coupling::output::run::{RunRecord, RunStatus};
 use coupling::output::write_optimize;
 use coupling::report::{Summary, optimize_page};
@@ -21,8 +22,12 @@ use nalgebra::DMatrix;
 use html::{check_page, classed, parse_html};
 use walk::{CYCLE, FRAMES, MARGIN, MOMENTS, MUSCLES, UNSOLVED, Walk, reaction_names};
 
+fn open(folder: &Path) -> OutputFolder {
+    OutputFolder::open(folder, "optimize", "walk").unwrap()
+}
+
 fn write(walk: &Walk, folder: &Path) -> Vec<String> {
-    write_optimize(folder, &walk.report(), RunRecord::new("optimize")).unwrap()
+    write_optimize(open(folder), &walk.report(), RunRecord::new("optimize")).unwrap()
 }
 
 /// Header and rows of a CSV file.
@@ -154,7 +159,7 @@ fn run_json_counts_the_frames_and_is_the_only_file_with_times() {
     slow.status = RunStatus::NotConverged;
     slow.stage("read", Duration::from_millis(1500));
     slow.stage("fit", Duration::from_millis(250));
-    write_optimize(b.path(), &walk.report(), slow).unwrap();
+    write_optimize(open(b.path()), &walk.report(), slow).unwrap();
     assert_eq!(files.last().map(String::as_str), Some("run.json"));
     for file in &files {
         let same = fs::read(a.path().join(file)).unwrap() == fs::read(b.path().join(file)).unwrap();
@@ -414,7 +419,9 @@ fn an_error_midway_leaves_no_folder_that_looks_complete() {
     let blocked = dir.path().join("joint_forces.csv");
     fs::remove_file(&blocked).unwrap();
     fs::create_dir_all(blocked.join("in the way")).unwrap();
-    let error = write_optimize(dir.path(), &walk.report(), RunRecord::new("optimize")).unwrap_err();
+    let error = OutputFolder::open(dir.path(), "optimize", "walk")
+        .and_then(|out| write_optimize(out, &walk.report(), RunRecord::new("optimize")))
+        .unwrap_err();
     assert!(error.to_string().contains("joint_forces.csv"), "{error}");
     assert!(!dir.path().join("run.json").exists());
     let partial = fs::read_dir(dir.path())

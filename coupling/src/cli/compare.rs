@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use fem::output::remove_run;
 
 use super::progress::Progress;
+use super::scenes::{read_scene, scenes};
 use super::{Outcome, RunArguments};
-use crate::compare::{CompareError, MuscleForce, StressFree};
+use crate::compare::{MuscleForce, StressFree};
 use crate::error::CommandError;
+use crate::estimate::{Expected, Work};
 use crate::explain::write_calibration;
 use crate::fixed_point::Scheme;
 use crate::number::plain;
@@ -20,13 +21,13 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
-use crate::study::{FOLDERS, ONE_WAY_FOLDER, Prepared};
+use crate::study::{Prepared, STAGES, Sized};
 use crate::subject::words;
 use crate::two_way::{Coupling, MOST_PASSES, Pass, write_missing, write_passes};
 
 #[derive(Args)]
 pub struct CompareArguments {
-    /// Scene file (TOML), or the name of a shipped scene such as three_muscles. Default: the built-in walker.
+    #[arg(help = scenes())]
     scene: Option<PathBuf>,
     /// Length of the edges of the mesh that is aimed at, in mm, in place of the scene's.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
@@ -75,7 +76,7 @@ impl CompareArguments {
     fn scene(&self) -> Result<(Scene, [bool; 2]), CommandError> {
         let mut scene = match &self.scene {
             None => Scene::walker(),
-            Some(file) => Scene::read(file, self.run.data.as_deref())?,
+            Some(file) => read_scene(file, self.run.data.as_deref())?,
         };
         if let Some(mm) = self.resolution {
             if !RESOLUTIONS.contains(&mm) {
@@ -134,7 +135,7 @@ const FIRST_FACTOR: f64 = 0.5;
 const FULL: f64 = 1.0;
 
 /// Runs the command.
-pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
+pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let (scene, asked) = arguments.scene()?;
     let two_way = arguments.two_way.map(|choice| {
         let scheme = match choice {
@@ -144,7 +145,23 @@ pub fn run(arguments: &CompareArguments) -> Result<Outcome, CommandError> {
         };
         (scheme, usize::from(arguments.passes))
     });
-    carry_out("compare", scene, asked, &arguments.run, two_way)
+    if two_way.is_some() && !(scene.deformable && scene.fibres == Fibres::Hill && asked[0]) {
+        let why = "--two-way needs Hill fibres and the configuration without contact: set `fibres = \"hill\"` and muscles in the scene, and give no --contact with";
+        return Err(CommandError::Option(why.into()));
+    }
+    carry_out("compare", scene, asked, &arguments.run, two_way, quiet)
+}
+
+/// Name of the stage of two-way coupling.
+const TWO_WAY: &str = "two-way";
+
+/// Stages of a run, in their order.
+fn stages(scene: &Scene, asked: [bool; 2], two_way: bool) -> Vec<&'static str> {
+    let fibres = scene.fibres != Fibres::None;
+    let solved = [true, fibres, asked[0], asked[1], two_way].map(|here| here && scene.deformable);
+    let names = STAGES.into_iter().skip(1).chain([TWO_WAY]);
+    let solved = names.zip(solved).filter_map(|(name, here)| here.then_some(name));
+    std::iter::once(STAGES[0]).chain(solved).chain(["write"]).collect()
 }
 
 /// Carries out a scene for `command` and says what came of it. `two_way`: scheme and passes at most.
@@ -154,25 +171,30 @@ pub(super) fn carry_out(
     asked: [bool; 2],
     arguments: &RunArguments,
     two_way: Option<(Scheme, usize)>,
+    quiet: bool,
 ) -> Result<Outcome, CommandError> {
-    let folder = &arguments.folder(command, &scene.name);
+    let claim = arguments.out.claim(command, &scene.name)?;
+    let folder = &claim.path();
     let mut record = RunRecord::new(command);
-    let mut progress = Progress::new(&scene, asked);
-    let prepared = Prepared::new(scene, arguments.data.as_deref(), &mut |stage| progress.lap(stage))?;
+    let mut progress = Progress::new(&stages(&scene, asked, two_way.is_some()), quiet);
+    let sized = Sized::new(scene, arguments.data.as_deref())?;
+    progress.lap(STAGES[0]);
+    if progress.is_shown() {
+        let thigh = sized.draft()?;
+        let works = Work::of_draft(&sized.scene, &thigh, asked);
+        let expected = Expected::of(&sized.scene, &thigh, works);
+        progress.expect(|stage| expected.of_stage(stage));
+    }
+    let prepared = Prepared::of(sized, &mut |stage| progress.lap(stage))?;
     record.inputs.push(InputFile::of_text(&format!("{}.toml", prepared.scene.name), &prepared.scene.text));
     for file in &prepared.inputs {
         record.inputs.push(InputFile::of(file)?);
     }
     record.of_trial(&prepared.done.case.trial);
     record.again = again(command, &prepared, asked, two_way);
-    let mut out = OutputFolder::open(folder)?;
-    if !arguments.resume {
-        for run in FOLDERS.into_iter().chain([ONE_WAY_FOLDER]) {
-            remove_run(&folder.join(run), "thigh").map_err(CompareError::from)?;
-        }
-    }
-    let mut study = prepared.solve(asked, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
-    record.seconds = progress.finish();
+    let ready = prepared.calibrate(asked, folder, &mut |stage| progress.lap(stage))?;
+    let mut out = OutputFolder::begin(claim, arguments.resume)?;
+    let mut study = prepared.solve_ready(ready, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
     let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
     let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
     record.iterations.insert("newton".into(), count(&|run| run.iterations.len()));
@@ -181,12 +203,13 @@ pub(super) fn carry_out(
     let clock = Instant::now();
     let coupling = two_way.map(|(scheme, most)| prepared.two_way(&study, scheme, most)).transpose()?;
     let Coupling { passes, last, shortcomings: unsettled } = coupling.unwrap_or_default();
-    if two_way.is_some() {
-        record.stage("two-way", clock.elapsed());
-    }
     if !last.is_empty() {
         prepared.adopt(&mut study, &last, clock.elapsed(), folder)?;
     }
+    if two_way.is_some() {
+        progress.lap(TWO_WAY);
+    }
+    record.seconds = progress.seconds().to_vec();
 
     let mut settings = prepared.scene.settings();
     settings.insert(0, ("Subject".into(), words(&prepared.done.case.trial)));
@@ -235,6 +258,8 @@ pub(super) fn carry_out(
         ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?;
     }
     let record = write_compare(out, &report, record)?;
+    progress.lap("write");
+    drop(progress);
     let mut terminal = std::io::stdout().lock();
     // A reader that closes the pipe early is no error.
     let _ = if arguments.json {

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::Args;
 use fem::mesh::muscle::attachment::{Attachment, Role, Site};
@@ -12,11 +11,13 @@ use fem::mesh::muscle::{Bone, MuscleSections, build};
 use fem::mesh::{LengthUnit, MeshError};
 use multibody::model::Model;
 
-use super::Outcome;
 use super::optimize::find_trial;
+use super::progress::Progress;
+use super::{OutArguments, Outcome};
 use crate::error::CommandError;
 use crate::number::short;
 use crate::optimize::{Case, OptimizeOptions};
+use crate::output::atomic::OutputFolder;
 use crate::output::mesh::write_mesh;
 use crate::output::origin::InputFile;
 use crate::output::run::{RunRecord, RunStatus};
@@ -61,16 +62,15 @@ pub struct MeshArguments {
     /// Only these muscles, by name.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
-    /// Folder for the results [default: out/mesh-<input>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutArguments,
     /// Print the verdict as JSON.
     #[arg(long)]
     json: bool,
 }
 
 /// Runs the command.
-pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
+pub fn run(arguments: &MeshArguments, quiet: bool) -> Result<Outcome, CommandError> {
     if !RESOLUTIONS.contains(&arguments.resolution) {
         return Err(CommandError::Option(format!(
             "--resolution is {} mm; give {} to {} mm",
@@ -79,7 +79,10 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
             RESOLUTIONS.end()
         )));
     }
-    let started = Instant::now();
+    let stem = arguments.input.as_deref().and_then(Path::file_stem);
+    let name = stem.map_or("thigh".into(), |stem| stem.to_string_lossy().into_owned());
+    let claim = arguments.out.claim("mesh", &name)?;
+    let mut progress = Progress::new(&["read", "mesh", "write"], quiet);
     let mut record = RunRecord::new("mesh");
     let input = match &arguments.input {
         Some(_) if arguments.subject.is_some() => {
@@ -98,15 +101,12 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     for file in &files {
         record.inputs.push(InputFile::of(file)?);
     }
-    record.stage("read", started.elapsed());
-
-    let started = Instant::now();
+    progress.lap("read");
     let built = build(&sections, &bones, arguments.resolution / 1000.0);
-    record.stage("mesh", started.elapsed());
+    progress.lap("mesh");
+    record.seconds = progress.seconds().to_vec();
     record.iterations.insert("rounds of separation".into(), built.rounds as u64);
 
-    let stem = arguments.input.as_deref().and_then(Path::file_stem);
-    let name = stem.map_or("thigh".into(), |stem| stem.to_string_lossy().into_owned());
     let bone_names = if bones.is_empty() {
         "none".to_string()
     } else {
@@ -143,12 +143,11 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
         record.status = RunStatus::NotConverged;
         record.reason = Some(summary.missed.join("; "));
     }
-    let folder = match &arguments.out {
-        Some(folder) => folder.clone(),
-        None => Path::new("out").join(format!("mesh-{name}")),
-    };
+    let folder = claim.path();
     let seconds: f64 = record.seconds.iter().map(|s| s.1).sum();
-    let files = write_mesh(&folder, &report, record)?;
+    let files = write_mesh(OutputFolder::begin(claim, false)?, &report, record)?;
+    progress.lap("write");
+    drop(progress);
     let mut out = std::io::stdout().lock();
     if arguments.json {
         let _ = writeln!(out, "{}", serde_json::to_string_pretty(&summary).expect("a summary is plain data"));
@@ -181,7 +180,8 @@ fn built_in(arguments: &MeshArguments) -> Result<Input, CommandError> {
     }
     let known: Vec<String> = limb.sections.iter().map(|m| m.name.clone()).collect();
     only_known(&arguments.only, &known)?;
-    let trial = arguments.subject.as_deref().filter(|s| *s != Path::new("walker")).map(find_trial);
+    let trial =
+        arguments.subject.as_deref().filter(|s| *s != Path::new("walker")).map(find_trial).transpose()?;
     let case =
         Case::load(&OptimizeOptions { trial, data: arguments.data.clone(), ..OptimizeOptions::default() })?;
     let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;

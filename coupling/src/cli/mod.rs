@@ -2,10 +2,12 @@
 
 mod check;
 mod compare;
+mod interrupt;
 mod mesh;
 mod optimize;
 mod plan;
 mod progress;
+mod scenes;
 mod step;
 
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::CommandError;
+use crate::output::claim::{Claim, Identity};
 use crate::output::origin::version;
 
 /// How a command ended when it did run.
@@ -31,9 +34,8 @@ struct RunArguments {
     /// Folder of the recordings and surfaces that the scene names.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Folder for the results [default: out/<command>-<scene>]; calibrations are kept beside it, in calibration-cache.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutArguments,
     /// Go on with a run of the same scene that was killed: its solved frames are taken over, the results are the same to the last bit.
     #[arg(long)]
     resume: bool,
@@ -42,10 +44,26 @@ struct RunArguments {
     json: bool,
 }
 
-impl RunArguments {
-    /// Folder for the results of `command` on a scene.
-    fn folder(&self, command: &str, scene: &str) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{command}-{scene}")))
+/// Where results go.
+#[derive(Args)]
+struct OutArguments {
+    /// Folder for the results [default: out/<command>-<name of scene, trial or input>]. It is new, or empty, or holds an earlier run of
+    /// the same command on the same name, which is replaced. Calibrations are kept beside it, in calibration-cache.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace a run of another command or scene in that folder. Files that are not of sartorius are never replaced.
+    #[arg(long)]
+    force: bool,
+}
+
+impl OutArguments {
+    /// Reserves the folder for a run of `command` on the scene or trial `name`. Nothing in it changes yet.
+    fn claim(&self, command: &str, name: &str) -> Result<Claim, CommandError> {
+        let default = || Path::new("out").join(format!("{command}-{name}"));
+        let folder = self.out.clone().unwrap_or_else(default);
+        let claim = Claim::new(&folder, Identity::new(command, name), self.force)?;
+        interrupt::watch(&claim);
+        Ok(claim)
     }
 }
 
@@ -58,6 +76,9 @@ struct Arguments {
     /// Threads to use (default: all cores). Results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// No progress on standard error; warnings and errors stay.
+    #[arg(long, short, global = true)]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -72,6 +93,8 @@ enum Command {
     Step(step::StepArguments),
     /// What a scene would simulate, what it leaves out and why, and what it would cost.
     Plan(plan::PlanArguments),
+    /// Scenes and trials that the program carries; or the text of one of them.
+    Scenes(scenes::ScenesArguments),
     /// Is this input file good; what is wrong, where, and how to mend it.
     Check(check::CheckArguments),
 }
@@ -96,12 +119,14 @@ pub fn main() -> ExitCode {
         .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
         .with_writer(std::io::stderr)
         .init();
+    let quiet = arguments.quiet;
     let result: Result<Outcome, CommandError> = match arguments.command {
-        Command::Optimize(arguments) => optimize::run(&arguments),
-        Command::Mesh(arguments) => mesh::run(&arguments),
-        Command::Compare(arguments) => compare::run(&arguments),
-        Command::Step(arguments) => step::run(&arguments),
+        Command::Optimize(arguments) => optimize::run(&arguments, quiet),
+        Command::Mesh(arguments) => mesh::run(&arguments, quiet),
+        Command::Compare(arguments) => compare::run(&arguments, quiet),
+        Command::Step(arguments) => step::run(&arguments, quiet),
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {

@@ -10,12 +10,15 @@ use multibody::muscle::curves::{Curves, DeGroote2016};
 use multibody::muscle::hill::{self, Tendon};
 use multibody::share::SharingSettings;
 use multibody::sharing::{KKT_TOLERANCE, MuscleCost, ReactionCost, SharingOptions};
+use multibody::shipped;
 use multibody::trial_file::HipRule;
 
-use super::Outcome;
+use super::progress::Progress;
+use super::{OutArguments, Outcome};
 use crate::error::CommandError;
 use crate::number::{plain, short};
-use crate::optimize::{OptimizeOptions, Optimized, optimize};
+use crate::optimize::{OptimizeOptions, Optimized, STAGES, optimize_with};
+use crate::output::atomic::OutputFolder;
 use crate::output::opensim;
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
@@ -25,14 +28,13 @@ use crate::subject::words;
 
 #[derive(Args)]
 pub struct OptimizeArguments {
-    /// Trial file (TOML), or the name of a shipped trial such as DM_ngait_og3. Default: the built-in walker.
+    #[arg(help = trials())]
     trial: Option<PathBuf>,
     /// Folder of the recordings that the trial file names.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Folder for the results [default: out/optimize-<trial>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutArguments,
     /// Ankle, in place of the trial's.
     #[arg(long, value_enum)]
     ankle: Option<AnkleChoice>,
@@ -106,6 +108,16 @@ enum TendonChoice {
     Rigid,
 }
 
+/// Help on the argument.
+pub(super) fn trials() -> String {
+    let names: Vec<&str> = shipped::Kind::Trial.all().map(|(name, _)| name).collect();
+    format!(
+        "Trial file (TOML), or the name of a shipped trial: {}; their recordings are found with --data. A word alone is a name, ./word a \
+         file. Default: the built-in walker",
+        names.join(", ")
+    )
+}
+
 impl OptimizeArguments {
     fn options(&self) -> Result<OptimizeOptions, CommandError> {
         let positive = |name: &str, value: Option<f64>, least: f64| match value {
@@ -117,7 +129,7 @@ impl OptimizeArguments {
         positive("reserves", self.reserves, f64::MIN_POSITIVE)?;
         positive("raise-bounds", self.raise_bounds, 1.0)?;
         Ok(OptimizeOptions {
-            trial: self.trial.as_deref().map(find_trial),
+            trial: self.trial.as_deref().map(find_trial).transpose()?,
             data: self.data.clone(),
             ankle: self.ankle.map(|a| match a {
                 AnkleChoice::Universal => Ankle::Universal,
@@ -235,19 +247,24 @@ impl OptimizeArguments {
     }
 }
 
-/// A path as it is, or the name of a trial shipped in `gait-data/trials`.
-pub(super) fn find_trial(given: &Path) -> PathBuf {
-    if given.exists() || given.extension().is_some() || given.components().count() > 1 {
-        return given.to_path_buf();
+/// A trial file, or a shipped trial by its name.
+pub(super) fn find_trial(given: &Path) -> Result<PathBuf, CommandError> {
+    let found = shipped::find(given, shipped::Kind::Trial)?;
+    if let Some(said) = shipped::ambiguity(given, &found) {
+        eprintln!("note: {said}");
     }
-    let shipped = Path::new("gait-data/trials").join(given).with_extension("toml");
-    if shipped.exists() { shipped } else { given.to_path_buf() }
+    Ok(found)
 }
 
 /// Runs the command.
-pub fn run(arguments: &OptimizeArguments) -> Result<Outcome, CommandError> {
+pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let options = arguments.options()?;
-    let done = optimize(&options)?;
+    let stem = options.trial.as_deref().and_then(Path::file_stem);
+    let name = stem.map_or("walker".into(), |stem| stem.to_string_lossy());
+    let claim = arguments.out.claim("optimize", &name)?;
+    let stages: Vec<&str> = STAGES.into_iter().chain(["write"]).collect();
+    let mut progress = Progress::new(&stages, quiet);
+    let done = optimize_with(&options, &mut |stage| progress.lap(stage))?;
     let settings = arguments.settings(&done);
     let muscles: Vec<MuscleInfo> = done
         .model
@@ -276,14 +293,13 @@ pub fn run(arguments: &OptimizeArguments) -> Result<Outcome, CommandError> {
         measured: done.measured.as_ref(),
         gait2392: Some(&opensim::motion(&done.model, &done.motion, done.case.trial.side)),
     };
-    let folder = match &arguments.out {
-        Some(folder) => folder.clone(),
-        None => Path::new("out").join(format!("optimize-{}", done.case.trial.name)),
-    };
+    let folder = claim.path();
     let summary = Summary::of(&report);
     let outcome = if summary.all_solved() { Outcome::Solved } else { Outcome::NotSolved };
     let record = record(arguments, &done, &settings, &summary)?;
-    let files = write_optimize(&folder, &report, record)?;
+    let files = write_optimize(OutputFolder::begin(claim, false)?, &report, record)?;
+    progress.lap("write");
+    drop(progress);
     let mut out = std::io::stdout().lock();
     if arguments.json {
         let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data");

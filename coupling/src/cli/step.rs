@@ -5,22 +5,22 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::compare::carry_out;
+use super::scenes::{read_scene, scenes};
 use super::{Outcome, RunArguments};
 use crate::error::CommandError;
-use crate::scene::Scene;
 
 #[derive(Args)]
 pub struct StepArguments {
-    /// Scene file (TOML), or the name of a shipped scene such as three_muscles.
+    #[arg(help = scenes())]
     scene: PathBuf,
     #[command(flatten)]
     run: RunArguments,
 }
 
 /// Runs the command.
-pub fn run(arguments: &StepArguments) -> Result<Outcome, CommandError> {
+pub fn run(arguments: &StepArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let StepArguments { scene, run } = arguments;
-    let scene = Scene::read(scene, run.data.as_deref())?;
+    let scene = read_scene(scene, run.data.as_deref())?;
     let with = scene.contact.is_some();
-    carry_out("step", scene, [!with, with], run, None)
+    carry_out("step", scene, [!with, with], run, None, quiet)
 }

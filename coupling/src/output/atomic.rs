@@ -5,9 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::OutputError;
-
-/// Name of the file that is written last: a folder that holds it is complete.
-pub const RUN_FILE: &str = "run.json";
+use super::claim::{Claim, Identity, RUN_FILE, remove};
 
 /// An output folder that is being filled.
 ///
@@ -18,22 +16,21 @@ pub const RUN_FILE: &str = "run.json";
 pub struct OutputFolder {
     path: PathBuf,
     files: Vec<String>,
+    /// No other run writes here.
+    claim: Claim,
 }
 
 impl OutputFolder {
-    /// Creates the folder where it is absent, and takes back the claim of an earlier run to be complete.
-    pub fn open(path: &Path) -> Result<OutputFolder, OutputError> {
-        fs::create_dir_all(path).map_err(|e| OutputError::at("create the folder", path, e))?;
-        let folder = OutputFolder { path: path.to_path_buf(), files: Vec::new() };
-        folder.remove(RUN_FILE)?;
-        for entry in fs::read_dir(path).map_err(|e| OutputError::at("list the folder", path, e))? {
-            let name = entry.map_err(|e| OutputError::at("list the folder", path, e))?.file_name();
-            let name = name.to_string_lossy();
-            if name.starts_with('.') && name.ends_with(".partial") {
-                folder.remove(&name)?; // left behind by a run that was killed
-            }
-        }
-        Ok(folder)
+    /// Begins to fill a folder: takes back the claim of the earlier run to be complete and removes its files. `resume`: but for what a
+    /// run goes on from.
+    pub fn begin(claim: Claim, resume: bool) -> Result<OutputFolder, OutputError> {
+        claim.begin(resume)?;
+        Ok(OutputFolder { path: claim.path(), files: Vec::new(), claim })
+    }
+
+    /// [`OutputFolder::begin`] of a folder that holds what it may: the run of `command` on the scene or trial `name`.
+    pub fn open(path: &Path, command: &str, name: &str) -> Result<OutputFolder, OutputError> {
+        OutputFolder::begin(Claim::new(path, Identity::new(command, name), false)?, false)
     }
 
     /// Where the files go.
@@ -53,7 +50,10 @@ impl OutputFolder {
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<(), OutputError> {
         let temporary = self.path.join(format!(".{name}.partial"));
-        let written = write_file(&temporary, fill)
+        let written = self
+            .claim
+            .note(name)
+            .and_then(|()| write_file(&temporary, fill))
             .and_then(|()| fs::rename(&temporary, self.path.join(name)))
             .map_err(|e| OutputError::at("write", &self.path.join(name), e));
         if written.is_err() {
@@ -65,7 +65,12 @@ impl OutputFolder {
     }
 
     /// Lets `write` make the file `name`, which it must do under another name first, so that nothing half appears.
-    pub fn place<E>(&mut self, name: &str, write: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
+    pub fn place<E: From<OutputError>>(
+        &mut self,
+        name: &str,
+        write: impl FnOnce(&Path) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.claim.note(name).map_err(|e| OutputError::at("write", &self.path.join(name), e))?;
         write(&self.path.join(name))?;
         self.files.push(name.to_string());
         Ok(())
@@ -73,11 +78,7 @@ impl OutputFolder {
 
     /// Makes sure that no file of this name is left from an earlier run.
     pub fn remove(&self, name: &str) -> Result<(), OutputError> {
-        let path = self.path.join(name);
-        match fs::remove_file(&path) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(OutputError::at("remove the old", &path, e)),
-            _ => Ok(()),
-        }
+        remove(&self.path.join(name))
     }
 
     /// Writes `run.json`, which declares the folder complete.
@@ -124,6 +125,7 @@ mod tests {
     fn names(path: &Path) -> Vec<String> {
         let mut names: Vec<_> =
             fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.retain(|name| name != ".sartorius");
         names.sort();
         names
     }
@@ -131,7 +133,7 @@ mod tests {
     #[test]
     fn a_failed_write_leaves_the_older_file_and_no_temporary() {
         let dir = tempfile::tempdir().unwrap();
-        let mut folder = OutputFolder::open(dir.path()).unwrap();
+        let mut folder = OutputFolder::open(dir.path(), "optimize", "walker").unwrap();
         folder.write("a.csv", |w| w.write_all(b"old")).unwrap();
         let error = folder
             .write("a.csv", |w| {
@@ -147,7 +149,7 @@ mod tests {
     #[test]
     fn the_final_name_appears_only_after_the_last_byte() {
         let dir = tempfile::tempdir().unwrap();
-        let mut folder = OutputFolder::open(dir.path()).unwrap();
+        let mut folder = OutputFolder::open(dir.path(), "optimize", "walker").unwrap();
         folder
             .write("a.csv", |w| {
                 w.write_all(b"1\n")?;
@@ -162,12 +164,12 @@ mod tests {
     #[test]
     fn opening_takes_back_run_json_and_clears_what_a_killed_run_left() {
         let dir = tempfile::tempdir().unwrap();
-        let folder = OutputFolder::open(dir.path()).unwrap();
+        let folder = OutputFolder::open(dir.path(), "optimize", "walker").unwrap();
         folder.finish(&RunRecord::new("optimize")).unwrap();
         fs::write(dir.path().join(".b.csv.partial"), "half").unwrap();
         fs::write(dir.path().join("notes.txt"), "mine").unwrap();
         assert_eq!(names(dir.path()), [".b.csv.partial", "notes.txt", "run.json"]);
-        OutputFolder::open(dir.path()).unwrap();
+        OutputFolder::open(dir.path(), "optimize", "walker").unwrap();
         assert_eq!(names(dir.path()), ["notes.txt"]);
     }
 
@@ -176,7 +178,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("taken");
         fs::write(&file, "x").unwrap();
-        let error = OutputFolder::open(&file.join("out")).unwrap_err();
+        let error = OutputFolder::open(&file.join("out"), "optimize", "walker").unwrap_err();
         assert!(error.to_string().contains("taken"), "{error}");
     }
 }

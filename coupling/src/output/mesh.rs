@@ -1,7 +1,6 @@
 //! What `mesh` writes.
 
 use std::io::{self, Write};
-use std::path::Path;
 use std::time::Instant;
 
 use fem::mesh::format::{abaqus, vtu};
@@ -15,19 +14,22 @@ use crate::error::CommandError;
 use crate::report::mesh::{MeshReport, MeshSummary, mesh_page};
 use crate::thigh::inventory::Hold;
 
-/// Writes meshes, table, page and, last of all, `run.json` into `folder`, and returns the names of the files.
+/// Writes meshes, table, page and, last of all, `run.json` into `out`, and returns the names of the files.
 pub fn write_mesh(
-    folder: &Path,
+    mut out: OutputFolder,
     report: &MeshReport,
     mut record: RunRecord,
 ) -> Result<Vec<String>, CommandError> {
     let started = Instant::now();
-    let mut out = OutputFolder::open(folder)?;
     let mesh = whole_mesh(report);
     let shape = cell_shape(&mesh);
     let field = vtu::Field::new("scaled_jacobian", 1, &shape);
-    out.place(&format!("{}.vtu", report.name), |path| vtu::write(path, &mesh, &[], &[field]))?;
-    out.place(&format!("{}.inp", report.name), |path| abaqus::write(path, &mesh))?;
+    out.place(&format!("{}.vtu", report.name), |path| {
+        vtu::write(path, &mesh, &[], &[field]).map_err(CommandError::from)
+    })?;
+    out.place(&format!("{}.inp", report.name), |path| {
+        abaqus::write(path, &mesh).map_err(CommandError::from)
+    })?;
     out.write("quality.csv", |w| write_quality(w, report))?;
     out.write("muscles.csv", |w| write_muscles(w, report))?;
     out.write("bone_crossings.csv", |w| write_crossings(w, report))?;

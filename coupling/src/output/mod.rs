@@ -1,6 +1,7 @@
 //! What a run writes: tables, files for OpenSim users, the report page and, last of all, `run.json`.
 
 pub mod atomic;
+pub mod claim;
 pub mod compare;
 pub mod mesh;
 pub mod opensim;
@@ -37,6 +38,38 @@ pub enum OutputError {
         /// What may help, with a leading separator; empty where nothing is known.
         remedy: &'static str,
     },
+    /// The folder holds something that is not ours.
+    #[error(
+        "{path} holds `{entry}` and no run of sartorius: results go to a new or an empty folder; choose another with --out"
+    )]
+    Foreign {
+        /// The folder.
+        path: PathBuf,
+        /// Something in it.
+        entry: String,
+    },
+    /// The folder holds a run of another command or scene.
+    #[error(
+        "{path} holds `{found}`, not `{wanted}`: choose another folder with --out, or replace what is there with --force"
+    )]
+    OtherRun {
+        /// The folder.
+        path: PathBuf,
+        /// Command and scene of the run there.
+        found: String,
+        /// Those of this run.
+        wanted: String,
+    },
+    /// Another process fills the folder.
+    #[error(
+        "another run of sartorius{holder} writes to {path}: wait until it ends, or choose another folder with --out"
+    )]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+        /// Which process, with a leading space; empty where that is unknown.
+        holder: String,
+    },
 }
 
 impl OutputError {
@@ -54,19 +87,18 @@ impl OutputError {
     }
 }
 
-/// Writes everything that `optimize` promises into `folder` and returns the names of the files, `run.json` last.
+/// Writes everything that `optimize` promises into `out` and returns the names of the files, `run.json` last.
 ///
 /// `record` comes with the stages timed so far; the time for writing is added here. All files but `run.json`
 /// hold the same bytes for the same results.
 pub fn write_optimize(
-    folder: &Path,
+    mut out: OutputFolder,
     report: &OptimizeReport,
     mut record: RunRecord,
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
     let name = &report.trial.name;
     let who = words(report.trial);
-    let mut out = OutputFolder::open(folder)?;
 
     let kinematics = tables::kinematics(report.motion);
     let forces = tables::muscle_forces(report.effort);

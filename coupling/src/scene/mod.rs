@@ -36,6 +36,7 @@ use std::path::{Path, PathBuf};
 use fem::scene::ContactMode;
 use multibody::InputError;
 use multibody::error::{Place, nearest};
+use multibody::shipped::{self, Kind};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -43,10 +44,6 @@ use crate::compare::StressFree;
 use crate::steps::StepName;
 use crate::thigh::lines::lines_of_muscles;
 
-/// The scene of a run without one.
-const WALKER: &str = include_str!("../../../gait-data/scenes/walker.toml");
-/// Where shipped scenes lie, seen from the root of the repository.
-const SHIPPED: &str = "gait-data/scenes";
 /// Target edge lengths that are meshed \[mm\].
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
 /// How far muscles can be drawn in \[mm\]; at least a third of the thickness and width of every muscle is left.
@@ -89,7 +86,7 @@ pub struct Scene {
     pub name: String,
     /// Text, as read.
     pub text: String,
-    /// Folder of the file; `None` for the built-in one.
+    /// Folder of the file.
     pub folder: Option<PathBuf>,
     /// Trial file; `None` is the built-in walker.
     pub trial: Option<PathBuf>,
@@ -175,15 +172,15 @@ struct StepEntry {
 impl Scene {
     /// The built-in scene: the walker on the built-in thigh.
     pub fn walker() -> Scene {
-        Scene::parse(Path::new("walker.toml"), WALKER, None).expect("the built-in scene is tested")
+        Scene::read(Path::new("walker"), None).expect("the built-in scene is tested")
     }
 
     /// Reads a scene file, or a shipped scene by its name. `data`: where else to look for its files.
     pub fn read(given: &Path, data: Option<&Path>) -> Result<Scene, InputError> {
-        if given == Path::new("walker") && !given.exists() {
-            return Ok(Scene::walker());
+        let file = shipped::find(given, Kind::Scene)?;
+        if let Some(text) = shipped::text(&file) {
+            return Scene::parse(&file, text, data);
         }
-        let file = find(given, SHIPPED)?;
         let io = |source| InputError::Io { file: file.clone(), source };
         let mut text = String::new();
         std::fs::File::open(&file).map_err(io)?.take(LARGEST).read_to_string(&mut text).map_err(io)?;
@@ -198,9 +195,7 @@ impl Scene {
         let trial = match &scene.trial {
             None => None,
             Some(name) if name.get_ref() == Path::new("walker") => None,
-            Some(name) => {
-                Some(at.existing("trial", name, &[Some(folder), data], Some("gait-data/trials"))?)
-            }
+            Some(name) => Some(at.existing("trial", name, &[Some(folder), data], Some(Kind::Trial))?),
         };
         let surfaces = scene.surfaces.as_ref();
         let surfaces =
@@ -260,30 +255,6 @@ impl Scene {
     }
 }
 
-/// A path as it is, or a shipped file by its name.
-pub fn find(given: &Path, shipped: &str) -> Result<PathBuf, InputError> {
-    if given.exists() || given.extension().is_some() || given.components().count() > 1 {
-        return Ok(given.to_path_buf());
-    }
-    let file = Path::new(shipped).join(given).with_extension("toml");
-    if file.exists() {
-        return Ok(file);
-    }
-    let entries = std::fs::read_dir(shipped).into_iter().flatten().flatten();
-    let mut names: Vec<String> =
-        entries.filter_map(|e| Some(e.path().file_stem()?.to_str()?.to_string())).collect();
-    names.sort();
-    let word = given.to_string_lossy();
-    let meant = nearest(&word, names.iter().map(String::as_str));
-    let remedy = match meant {
-        Some(name) => format!("did you mean `{name}`?"),
-        None if names.is_empty() => format!("give a file; shipped ones are in {shipped} of the repository"),
-        None => format!("give a file, or one of {}", names.join(", ")),
-    };
-    let problem = "there is no such file, and nothing of that name is shipped".to_string();
-    Err(InputError::Malformed { file: given.to_path_buf(), at: Place::Whole, problem, remedy })
-}
-
 /// The text that errors point into.
 struct Source<'a> {
     file: &'a Path,
@@ -327,7 +298,7 @@ impl Source<'_> {
                 format!("{meant}known are {}", known.join(", ")),
             );
         }
-        let remedy = format!("see the scenes in {SHIPPED}");
+        let remedy = "`sartorius scenes walker` prints a whole scene".to_string();
         InputError::Malformed {
             file: self.file.to_path_buf(),
             at: Place::Line(line),
@@ -356,24 +327,27 @@ impl Source<'_> {
         key: &str,
         given: &Spanned<PathBuf>,
         folders: &[Option<&Path>],
-        shipped: Option<&str>,
+        shipped: Option<Kind>,
     ) -> Result<PathBuf, InputError> {
         let path = given.get_ref();
-        let found = folders.iter().flatten().map(|folder| folder.join(path)).find(|p| p.exists());
         let line = self.line(given.span().start);
-        match (found, shipped) {
+        let named = shipped.map(|kind| shipped::find(path, kind));
+        if let Some(Ok(found)) = &named
+            && shipped::is_shipped(found)
+        {
+            return Ok(found.clone());
+        }
+        let found = folders.iter().flatten().map(|folder| folder.join(path)).find(|p| p.exists());
+        match (found, named) {
             (Some(found), _) => Ok(found),
-            (None, Some(shipped)) => match find(path, shipped) {
-                Ok(found) if found.exists() => Ok(found),
-                Ok(_) => {
-                    let remedy = "no such file beside the scene or in the data folder";
-                    Err(self.bad(line, key, format!("`{}`", path.display()), remedy))
-                }
-                Err(InputError::Malformed { remedy, .. }) => {
-                    Err(self.bad(line, key, format!("`{}`", path.display()), remedy))
-                }
-                Err(other) => Err(other),
-            },
+            (None, Some(Ok(found))) if found.exists() => Ok(found),
+            (None, Some(Err(InputError::Malformed { remedy, .. }))) => {
+                Err(self.bad(line, key, format!("`{}`", path.display()), remedy))
+            }
+            (None, Some(_)) => {
+                let remedy = "no such file beside the scene or in the data folder";
+                Err(self.bad(line, key, format!("`{}`", path.display()), remedy))
+            }
             (None, None) => {
                 let remedy = "no such folder beside the scene or in the data folder; give --data DIR";
                 Err(self.bad(line, key, format!("`{}`", path.display()), remedy))

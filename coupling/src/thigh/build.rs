@@ -14,7 +14,7 @@ use fem::scene::{
 };
 use nalgebra::Vector3;
 
-use super::tendons::{TOE, Tendon, add_patellar_ligament, add_tendons, is_seam, regions};
+use super::tendons::{LEAST_SHAPE, TOE, Tendon, add_patellar_ligament, add_tendons, is_seam, regions};
 
 /// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa (`literature.md`, 1.2), and the
 /// Poisson's ratio that is near-incompressible enough (`feasibility.md`).
@@ -222,6 +222,28 @@ pub fn build(
     reaches: &Reaches,
     effects: ThighEffects,
 ) -> Thigh {
+    put_together(blocks, attachments, sections, reaches, effects, LEAST_SHAPE)
+}
+
+/// [`build`] of a [draft](fem::mesh::muscle::draft), whose cells say nothing about the shape of the tendons that grow from them.
+pub fn build_draft(
+    blocks: &[MuscleBlock],
+    attachments: &[Attachment],
+    sections: &dyn Fn(&str) -> Option<f64>,
+    reaches: &Reaches,
+    effects: ThighEffects,
+) -> Thigh {
+    put_together(blocks, attachments, sections, reaches, effects, f64::NEG_INFINITY)
+}
+
+fn put_together(
+    blocks: &[MuscleBlock],
+    attachments: &[Attachment],
+    sections: &dyn Fn(&str) -> Option<f64>,
+    reaches: &Reaches,
+    effects: ThighEffects,
+    least_shape: f64,
+) -> Thigh {
     let mut mesh = to_mesh(blocks);
     let mut scene = Scene::default();
     let mut muscles = Vec::new();
@@ -265,7 +287,7 @@ pub fn build(
         muscles.push(muscle);
         first += block.points.len() as u32;
     }
-    let tendons = add_tendons(blocks, &firsts, attachments, &mut mesh, &mut scene);
+    let tendons = add_tendons(blocks, &firsts, attachments, &mut mesh, &mut scene, least_shape);
     for ((block, first), muscle) in blocks.iter().zip(firsts).zip(&muscles) {
         let of_block = |a: &&Attachment| a.muscle == block.name && !a.tendon.is_empty();
         let is_solid =

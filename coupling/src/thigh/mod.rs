@@ -70,6 +70,38 @@ pub fn from_limb(
     only: &[String],
     effects: ThighEffects,
 ) -> Result<BuiltIn, MeshError> {
+    let before = choose(&mut limb, draw_in, only)?;
+    let built = fem::mesh::muscle::build(&limb.sections, &limb.bones, edge);
+    let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
+    let Limb { bones, attachments, .. } = limb;
+    let areas = lines::physiological_sections();
+    let thigh =
+        build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches(&bones, before), effects);
+    Ok(BuiltIn { thigh, bones, attachments, built })
+}
+
+/// The thigh that [`from_limb`] would make, on a [draft](fem::mesh::muscle::draft) of its mesh: to be counted, not to be solved.
+pub fn draft(
+    mut limb: Limb,
+    edge: f64,
+    draw_in: f64,
+    only: &[String],
+    effects: ThighEffects,
+) -> Result<Thigh, MeshError> {
+    let before = choose(&mut limb, draw_in, only)?;
+    let blocks = fem::mesh::muscle::draft(&limb.sections, edge);
+    let Limb { bones, attachments, .. } = limb;
+    let areas = lines::physiological_sections();
+    let section = |muscle: &str| areas.get(muscle).copied();
+    Ok(build::build_draft(&blocks, &attachments, &section, &reaches(&bones, before), effects))
+}
+
+/// Leaves the muscles that are wanted and draws them in by `draw_in` \[m\]; their surfaces before that.
+fn choose(
+    limb: &mut Limb,
+    draw_in: f64,
+    only: &[String],
+) -> Result<BTreeMap<String, SearchSurface>, MeshError> {
     limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
     let mut before = BTreeMap::new();
     if draw_in > 0.0 {
@@ -78,13 +110,7 @@ pub fn from_limb(
             *muscle = muscle.drawn_in(draw_in)?;
         }
     }
-    let Limb { sections, bones, attachments } = limb;
-    let built = fem::mesh::muscle::build(&sections, &bones, edge);
-    let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
-    let areas = lines::physiological_sections();
-    let reaches = reaches(&bones, before);
-    let thigh = build::build(&blocks, &attachments, &|m| areas.get(m).copied(), &reaches, effects);
-    Ok(BuiltIn { thigh, bones, attachments, built })
+    Ok(before)
 }
 
 /// The side of a muscle.
@@ -93,16 +119,13 @@ fn side(sections: &MuscleSections) -> Surface {
     Surface::from_faces(&block.points, &block.side_faces()).0
 }
 
-/// Meshes the muscles whose closed surfaces \[m\] lie in the folder `muscles`, beside their bones in the folder `bones`; both in the frame of
+/// The muscles whose closed surfaces \[m\] lie in the folder `muscles`, beside their bones in the folder `bones`; both in the frame of
 /// the built-in thigh. They hold on to bone where those of the built-in thigh do. Second: the files read.
-pub fn from_surfaces(
+pub fn limb_of_surfaces(
     muscles: &Path,
     bones: &Path,
-    edge: f64,
-    draw_in: f64,
     only: &[String],
-    effects: ThighEffects,
-) -> Result<(BuiltIn, Vec<PathBuf>), SectionError> {
+) -> Result<(Limb, Vec<PathBuf>), SectionError> {
     let mut ends = MuscleEnds::read_csv(ATTACHMENTS, Path::new("attachments.csv"))?;
     ends.retain(|m| only.is_empty() || only.contains(&m.muscle));
     let Anatomy { muscles: sections, bones, files, .. } =
@@ -114,5 +137,5 @@ pub fn from_surfaces(
             *outline = ALL_ROUND;
         }
     }
-    Ok((from_limb(with_attachments(sections, bones, attachments), edge, draw_in, &[], effects)?, files))
+    Ok((with_attachments(sections, bones, attachments), files))
 }

@@ -65,13 +65,14 @@ pub fn is_seam(region: &str) -> bool {
 }
 
 /// Adds the tendons of all insertions that have a footprint to mesh and scene, ties them to bone and sews neighbours together. `first`: the
-/// first node of each block. A tendon whose cells would be of poor shape is left out, for strands.
+/// first node of each block. A tendon whose cells would have a scaled Jacobian below `least_shape` is left out, for strands.
 pub fn add_tendons<'a>(
     blocks: &'a [MuscleBlock],
     first: &[u32],
     attachments: &'a [Attachment],
     mesh: &mut Mesh,
     scene: &mut Scene,
+    least_shape: f64,
 ) -> Vec<Tendon> {
     let with_footprint = |(block, &first): (&'a MuscleBlock, &u32)| {
         let of_block = |a: &&Attachment| a.muscle == block.name && a.role == Role::Insertion;
@@ -89,7 +90,7 @@ pub fn add_tendons<'a>(
     let mut tendons = Vec::new();
     for (block, first, a, footprint) in heads {
         let slip = Slip::new(block, &footprint, n_layers);
-        tendons.extend(add_tendon(block, first, a, &slip, mesh, scene));
+        tendons.extend(add_tendon(block, first, a, &slip, mesh, scene, least_shape));
     }
     sew(&tendons, mesh, scene);
     tendons
@@ -102,6 +103,7 @@ fn add_tendon(
     slip: &Slip,
     mesh: &mut Mesh,
     scene: &mut Scene,
+    least_shape: f64,
 ) -> Option<Tendon> {
     let n = block.nodes_per_section as u32;
     let before = mesh.points.len() as u32;
@@ -122,7 +124,7 @@ fn add_tendon(
     mesh.points.extend(slip.layers[1..].iter().flatten().map(|p| <[f64; 3]>::from(*p)));
     let solid = CellBlock { name: region.clone(), kind: CellKind::Hex8, nodes: cells };
     let shape = mesh.quality(&solid).map_or(0.0, |q| q.least_scaled_jacobian);
-    if shape.is_nan() || shape < LEAST_SHAPE {
+    if shape.is_nan() || shape < least_shape {
         mesh.points.truncate(before as usize);
         return None;
     }

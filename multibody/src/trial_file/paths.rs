@@ -4,6 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::TrialFile;
 use crate::error::InputError;
+use crate::shipped::{self, Kind};
 
 impl TrialFile {
     /// Every file that the trial is made from, the trial file first.
@@ -26,11 +27,15 @@ impl TrialFile {
         self.find_below(given, &self.folders(data))
     }
 
-    /// Finds a table of landmarks; it may also lie in a folder `subjects` beside the folder of the trial file.
+    /// Finds a table of landmarks; it may also lie in a folder `subjects` beside the folder of the trial file, or be a shipped one.
     pub(super) fn find_table(&self, given: &Path, data: Option<&Path>) -> Result<PathBuf, InputError> {
+        let own = self.folders(None).into_iter().map(|folder| folder.join("../subjects"));
         let mut folders = self.folders(data);
-        folders.insert(1, folders[0].join("../subjects"));
-        self.find_below(given, &folders)
+        folders.splice(1..1, own);
+        self.find_below(given, &folders).or_else(|absent| {
+            let shipped = Kind::Subject.path().join(given);
+            shipped::text(&shipped).map(|_| shipped).ok_or(absent)
+        })
     }
 
     fn folders(&self, data: Option<&Path>) -> Vec<PathBuf> {

@@ -6,6 +6,7 @@
 pub mod attachment;
 mod bones;
 mod build;
+mod draft;
 mod draw_in;
 pub mod fibres;
 pub mod from_surface;
@@ -27,6 +28,7 @@ use super::{CellBlock, CellKind, Mesh, unique_nodes};
 
 pub use bones::Bone;
 pub use build::{BoneCrossing, Built, GOALS, Goals, MuscleResult, build, loft_volume, mesh_end, sampled};
+pub use draft::draft;
 pub use loft::{Loft, LoftPoint};
 pub use sections::{CORNERS, MuscleSections, N_OUTLINE, Station};
 

@@ -1,0 +1,34 @@
+//! Ctrl-C, and being told to end: says what was kept, then ends as the signal does, so that a shell stops its loop, too.
+
+use crate::output::claim::Claim;
+
+/// From here on a signal that ends the process says first what the run of `claim` leaves. A signal that is ignored (`nohup`, a job in
+/// the background) stays so.
+#[cfg(unix)]
+pub(super) fn watch(claim: &Claim) {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let ignored = ignored();
+    let heard = [SIGINT, SIGTERM].into_iter().filter(|signal| ignored & (1 << (signal - 1)) == 0);
+    let Ok(mut signals) = signal_hook::iterator::Signals::new(heard) else { return };
+    let left = claim.stopper();
+    std::thread::spawn(move || {
+        if let Some(signal) = signals.forever().next() {
+            if let Some(said) = left() {
+                eprintln!("\n{said}");
+            }
+            let _ = signal_hook::low_level::emulate_default_handler(signal);
+        }
+    });
+}
+
+/// A bit per signal that this process was started to ignore; none where the system does not tell.
+#[cfg(unix)]
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+/// Elsewhere the system ends the process; what is left is the same.
+#[cfg(not(unix))]
+pub(super) fn watch(_: &Claim) {}

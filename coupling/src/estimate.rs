@@ -1,0 +1,238 @@
+//! What a thigh takes to be solved: unknowns, entries of factors, operations. Counted on its plan, or on a draft of its mesh.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use fem::mesh::CellBlock;
+use fem::plan::{LoadedIsland, Plan};
+use fem::solve::{Analysis, Pattern, Potential};
+use rayon::prelude::*;
+
+use crate::scene::{Fibres, Scene};
+use crate::study::STAGES;
+use crate::thigh::build::Thigh;
+
+/// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured with the built-in walker at 12 and 6 mm, muscles spread fivefold.
+const ITERATIONS: [f64; 2] = [35.0, 22.0];
+/// Newton iterations of a muscle in its calibration, all solutions together; the Hessian is often indefinite there, and counts twice.
+const CALIBRATION: f64 = 75.0;
+/// Floating-point operations of a factorization per second and core, as measured.
+const FLOPS: f64 = 2e10;
+/// Seconds of one core per element and iteration for assembly and line search, as measured; contact looks at surfaces too.
+const ASSEMBLY: [f64; 2] = [2.5e-5, 1e-4];
+/// Seconds of the rigid leg, and of one core per element for meshing, as measured.
+const RIGID_LEG: f64 = 0.05;
+const MESHING: f64 = 7.5e-4;
+/// Memory beside matrix and factors of the bodies alone, as measured \[bytes per element\]: without contact, and with it, whose pairs
+/// join the factors.
+const MEMORY: [f64; 2] = [6e3, 2.8e4];
+/// Memory of the program in any case \[bytes\].
+const PROGRAM: f64 = 4e7;
+
+/// What a scene is expected to take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expected {
+    /// Hexahedra of the muscles.
+    pub elements: usize,
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    /// Calibration and configurations, in the order of the run.
+    pub stages: Vec<Stage>,
+    /// Time of meshing \[s\].
+    pub meshing: f64,
+    /// Memory of the largest stage.
+    pub memory_mib: f64,
+}
+
+/// A stage that solves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// One of [`STAGES`].
+    pub name: &'static str,
+    /// What one factorization takes.
+    pub work: Work,
+    /// Time on the threads of this process \[s\].
+    pub seconds: f64,
+    /// Memory.
+    pub memory_mib: f64,
+}
+
+impl Expected {
+    /// Of a scene whose thigh without and with contact takes so much, where that is asked for.
+    pub fn of(scene: &Scene, thigh: &Thigh, works: [Option<Work>; 2]) -> Expected {
+        let solid = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid());
+        let elements: usize = solid.map(|b| b.n_cells()).sum();
+        let threads = rayon::current_num_threads() as f64;
+        let stage = |name, work: Work, c: usize, iterations: f64| Stage {
+            name,
+            work,
+            seconds: (work.operations / FLOPS + ASSEMBLY[c] * elements as f64) * iterations / threads,
+            // Factors in single precision; the matrix twice, in double.
+            memory_mib: (PROGRAM
+                + MEMORY[c] * elements as f64
+                + 4.0 * work.factors as f64
+                + 2.0 * 72.0 * work.blocks as f64)
+                / f64::from(1 << 20),
+        };
+        let mut stages = Vec::new();
+        let any = works.into_iter().flatten().next();
+        stages.extend(
+            any.filter(|_| scene.fibres != Fibres::None).map(|w| stage(STAGES[2], w, 0, CALIBRATION)),
+        );
+        for (c, work) in works.into_iter().enumerate() {
+            let iterations = ITERATIONS[c] * scene.steps.len() as f64;
+            stages.extend(work.map(|work| stage(STAGES[3 + c], work, c, iterations)));
+        }
+        Expected {
+            elements,
+            nodes: thigh.mesh.points.len(),
+            meshing: MESHING * elements as f64 / threads,
+            memory_mib: stages.iter().map(|s| s.memory_mib).fold(PROGRAM / f64::from(1 << 20), f64::max),
+            stages,
+        }
+    }
+
+    /// Time of all stages \[s\].
+    pub fn seconds(&self) -> f64 {
+        self.stages.iter().map(|s| s.seconds).fold(RIGID_LEG + self.meshing, |sum, s| sum + s)
+    }
+
+    /// Time of a stage of a study \[s\].
+    pub fn of_stage(&self, name: &str) -> f64 {
+        match name {
+            _ if name == STAGES[0] => RIGID_LEG,
+            _ if name == STAGES[1] => self.meshing,
+            _ => self.stages.iter().find(|s| s.name == name).map_or(0.0, |s| s.seconds),
+        }
+    }
+}
+
+/// Sums over the islands of a thigh.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Work {
+    /// Unknowns.
+    pub unknowns: usize,
+    /// Islands, each solved by itself.
+    pub islands: usize,
+    /// Entries of all factors.
+    pub factors: usize,
+    /// Blocks of 3×3 of the matrices.
+    pub blocks: usize,
+    /// Multiply-adds of one factorization of all.
+    pub operations: f64,
+}
+
+impl Work {
+    fn add(mut self, unknowns: usize, pattern: &Pattern, analysis: &Analysis) -> Work {
+        self.unknowns += unknowns;
+        self.islands += 1;
+        self.factors += analysis.n_values();
+        self.blocks += pattern.n_blocks();
+        self.operations += analysis.work();
+        self
+    }
+
+    /// As a plan has them; what contact couples comes on top.
+    pub fn of_plan(plan: &Plan) -> Work {
+        let rest = plan.load(&[], &[]).expect("nothing is named");
+        plan.islands.iter().fold(Work::default(), |work, island| {
+            let loaded = LoadedIsland::new(island.clone(), rest.clone(), rest.clone());
+            let places: Vec<f64> = island.nodes.iter().flat_map(|&n| plan.mesh.points[n as usize]).collect();
+            let analysis = Analysis::new(loaded.pattern(), &island.free_positions(&places));
+            work.add(island.n_unknowns(), loaded.pattern(), &analysis)
+        })
+    }
+
+    /// As the plan of this thigh would have them, without contact. Nothing is looked at but which nodes its cells have.
+    pub fn of_thigh(thigh: &Thigh) -> Work {
+        let islands = islands(thigh);
+        let counted: Vec<Work> = islands
+            .par_iter()
+            .map(|island| {
+                let pattern = Arc::new(Pattern::new(island.points.len() / 3, island.groups()));
+                Work::default().add(island.points.len(), &pattern, &Analysis::new(&pattern, &island.points))
+            })
+            .collect();
+        counted.into_iter().fold(Work::default(), |a, b| Work {
+            unknowns: a.unknowns + b.unknowns,
+            islands: a.islands + b.islands,
+            factors: a.factors + b.factors,
+            blocks: a.blocks + b.blocks,
+            operations: a.operations + b.operations,
+        })
+    }
+
+    /// Of a scene on a draft of its thigh, without and with contact, as `asked`. In contact all islands with a muscle are one; its factors
+    /// are taken as those of the islands alone.
+    pub fn of_draft(scene: &Scene, thigh: &Thigh, asked: [bool; 2]) -> [Option<Work>; 2] {
+        if !scene.deformable {
+            return [None, None];
+        }
+        let alone = Work::of_thigh(thigh);
+        let sewn = thigh.tendons.len().saturating_sub(1);
+        let islands = (alone.islands + sewn + 1).saturating_sub(thigh.muscles.len());
+        [asked[0].then_some(alone), asked[1].then_some(Work { islands, ..alone })]
+    }
+}
+
+/// Free nodes that cells connect.
+#[derive(Default)]
+struct Connected {
+    /// Where they are \[m\], three coordinates each.
+    points: Vec<f64>,
+    /// Free nodes of each cell, by their place in `points`, one cell after the other.
+    nodes: Vec<u32>,
+    /// Where each cell ends in `nodes`.
+    ends: Vec<usize>,
+}
+
+impl Connected {
+    fn groups(&self) -> impl Iterator<Item = &[u32]> + Clone {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| &self.nodes[start..end])
+    }
+}
+
+fn islands(thigh: &Thigh) -> Vec<Connected> {
+    let mesh = &thigh.mesh;
+    let tied: BTreeSet<u32> =
+        thigh.scene.ties.iter().flat_map(|t| &mesh.node_sets[&t.nodes]).copied().collect();
+    let mut free = vec![true; mesh.points.len()];
+    tied.iter().for_each(|&n| free[n as usize] = false);
+    let free_of = |cell: &[u32]| cell.iter().copied().filter(|&n| free[n as usize]).collect::<Vec<_>>();
+    let cells = || mesh.blocks.iter().flat_map(CellBlock::cells).map(free_of).filter(|cell| !cell.is_empty());
+    let mut parent: Vec<u32> = (0..mesh.points.len() as u32).collect();
+    fn root(parent: &mut [u32], mut n: u32) -> u32 {
+        while parent[n as usize] != n {
+            parent[n as usize] = parent[parent[n as usize] as usize];
+            n = parent[n as usize];
+        }
+        n
+    }
+    for cell in cells() {
+        for &n in &cell[1..] {
+            let (a, b) = (root(&mut parent, cell[0]), root(&mut parent, n));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut islands: Vec<Connected> = Vec::new();
+    let mut of_root = vec![u32::MAX; mesh.points.len()];
+    let mut place = vec![u32::MAX; mesh.points.len()];
+    for cell in cells() {
+        let root = root(&mut parent, cell[0]) as usize;
+        if of_root[root] == u32::MAX {
+            of_root[root] = islands.len() as u32;
+            islands.push(Connected::default());
+        }
+        let island = &mut islands[of_root[root] as usize];
+        for n in cell {
+            if place[n as usize] == u32::MAX {
+                place[n as usize] = (island.points.len() / 3) as u32;
+                island.points.extend(mesh.points[n as usize]);
+            }
+            island.nodes.push(place[n as usize]);
+        }
+        island.ends.push(island.nodes.len());
+    }
+    islands
+}
