@@ -184,8 +184,7 @@ impl SceneFile {
         let folder = at.file.parent().unwrap_or(Path::new(""));
         let folders = [Some(folder), data];
         let trial = self.trial.as_ref().filter(|name| name.get_ref() != Path::new("walker"));
-        let trial =
-            trial.map(|name| wrong.keep(at.existing("trial", name, &folders, Some(Kind::Trial))));
+        let trial = trial.map(|name| wrong.keep(at.existing("trial", name, &folders, Some(Kind::Trial))));
         let surfaces = self.surfaces.as_ref();
         let surfaces = surfaces.map(|s| wrong.keep(at.existing("surfaces", s, &folders, None)));
         let muscles = self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
