@@ -13,6 +13,7 @@ pub mod error;
 pub mod filter;
 pub mod ik;
 pub mod joint;
+pub mod keys;
 pub mod kinematics;
 pub mod model;
 pub mod motion;

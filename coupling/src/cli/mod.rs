@@ -9,6 +9,7 @@ mod plan;
 mod progress;
 mod scenes;
 mod step;
+mod template;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -95,6 +96,8 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Scenes and trials that the program carries; or the text of one of them.
     Scenes(scenes::ScenesArguments),
+    /// Writes a trial file for a recording, or a scene, with every key and its meaning.
+    Template(template::TemplateArguments),
     /// Is this input file good; what is wrong, where, and how to mend it.
     Check(check::CheckArguments),
 }
@@ -127,6 +130,7 @@ pub fn main() -> ExitCode {
         Command::Step(arguments) => step::run(&arguments, quiet),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),
+        Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {
