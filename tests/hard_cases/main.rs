@@ -13,6 +13,7 @@ mod equilibrium;
 mod hertz;
 mod incompressible;
 mod rigid;
+mod solved;
 mod sweeps;
 
 /// When a case runs.
@@ -53,6 +54,7 @@ fn main() {
         equilibrium::CASES,
         incompressible::CASES,
         rigid::CASES,
+        solved::CASES,
     ];
     for case in tables.into_iter().flatten() {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
