@@ -12,6 +12,8 @@ mod elements;
 mod equilibrium;
 mod hertz;
 mod incompressible;
+mod judge;
+mod no_equilibrium;
 mod rigid;
 mod solved;
 mod sweeps;
@@ -54,6 +56,7 @@ fn main() {
         equilibrium::CASES,
         incompressible::CASES,
         rigid::CASES,
+        no_equilibrium::CASES,
         solved::CASES,
     ];
     for case in tables.into_iter().flatten() {

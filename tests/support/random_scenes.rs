@@ -96,7 +96,7 @@ impl Maker {
 
     fn law(&mut self) -> LawSpec {
         let young = self.young * self.random.power(-0.5, 0.5);
-        let nu = pick(&mut self.random, &[0.0, 0.3, 0.45, 0.49, 0.499, 0.4999, 0.49999, -0.5]);
+        let nu = pick(&mut self.random, &[0.0, 0.3, 0.45, 0.49, 0.499, 0.4999, 0.49999, -0.4]);
         let mu = young / (2.0 * (1.0 + nu));
         let bulk = young / (3.0 * (1.0 - 2.0 * nu));
         match self.random.below(8) {
@@ -154,9 +154,9 @@ impl Maker {
 
     /// A box of cells of some kind, sheared and jittered.
     fn block(&mut self) -> ([usize; 3], Mesh) {
-        let n: [usize; 3] = std::array::from_fn(|_| 1 + self.random.below(3));
         let kind = self.random.below(5);
-        let n = if kind > 1 { n.map(|n| n.min(2)) } else { n };
+        let most = if kind > 1 { 2 } else { 3 };
+        let n = [2, 1, 1].map(|least| self.random.integer(least, most));
         let size: [f64; 3] =
             std::array::from_fn(|d| self.size * n[d] as f64 / 3.0 * self.random.power(-0.3, 0.3));
         let mut mesh = generate::block(n, size);
@@ -264,7 +264,8 @@ impl Maker {
 
     fn supports(&mut self) {
         let low = "x_min";
-        match self.random.below(10) {
+        let way = self.random.below(10);
+        match way {
             0 => self.say("no support"),
             1 => {
                 let held = self.held(low, [true, false, false]);
@@ -284,7 +285,8 @@ impl Maker {
             }
         }
         let high = "x_max";
-        match self.random.below(6) {
+        let end = self.random.below(6);
+        match if way == 2 { 4 + end % 2 } else { end } {
             0 | 1 => {
                 let nodes = self.out.mesh.node_sets[high].len();
                 let reach = self.size * self.random.power(-5.0, 0.3);
@@ -317,7 +319,8 @@ impl Maker {
     fn extras(&mut self, n: [usize; 3]) {
         let kind = self.out.mesh.blocks[0].kind;
         let area = self.size * self.size;
-        if self.random.chance(0.35) {
+        // Where nothing else moves there is a force.
+        if self.random.chance(0.35) || self.ranges.is_empty() && self.bodies.is_empty() {
             let top = self.young * area * self.random.power(-7.0, 0.0);
             let count = 1 + self.random.below(4);
             let mut loads = Vec::new();
@@ -445,7 +448,7 @@ impl Maker {
         let mut mesh = Mesh::default();
         let mut top = 0.0;
         for name in ["low", "high"] {
-            let n = [1 + self.random.below(2), 1 + self.random.below(2), 1];
+            let n = [self.random.integer(1, 2), self.random.integer(1, 2), 2];
             let width = self.size * self.random.between(0.5, 1.0);
             let mut block = generate::block(n, [width, width, 0.5 * self.size]);
             if self.random.chance(0.3) {

@@ -146,7 +146,7 @@ impl<'a> Independent<'a> {
         for (&n, f) in &total {
             let touches = self.touching.contains(&n);
             if touches {
-                contact.insert(n, f.map(|f| -f.value()));
+                contact.insert(n, f.map(|f| f.value()));
             }
             for c in 0..3 {
                 let owner = match self.components[n as usize][c] {
