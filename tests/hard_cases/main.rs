@@ -12,7 +12,10 @@ mod elements;
 mod equilibrium;
 mod hertz;
 mod incompressible;
+mod judge;
+mod no_equilibrium;
 mod rigid;
+mod solved;
 mod sweeps;
 
 /// When a case runs.
@@ -53,6 +56,8 @@ fn main() {
         equilibrium::CASES,
         incompressible::CASES,
         rigid::CASES,
+        no_equilibrium::CASES,
+        solved::CASES,
     ];
     for case in tables.into_iter().flatten() {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {

@@ -5,7 +5,9 @@ pub mod c3d_file;
 pub mod contact_scenes;
 pub mod fem_scenes;
 pub mod goldfarb_idnani;
+pub mod independent;
 pub mod motion_cases;
+pub mod random_scenes;
 pub mod results;
 pub mod sharing_cases;
 pub mod sharing_problems;
@@ -63,6 +65,31 @@ impl Random {
     /// Uniform in −1..1.
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// Uniform in low..high.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * 0.5 * (self.uniform() + 1.0)
+    }
+
+    /// 10 to a power uniform in low..high.
+    pub fn power(&mut self, low: f64, high: f64) -> f64 {
+        10f64.powf(self.between(low, high))
+    }
+
+    /// An integer in low..=high.
+    pub fn integer(&mut self, low: usize, high: usize) -> usize {
+        low + (self.bits() % (high - low + 1) as u64) as usize
+    }
+
+    /// An integer in 0..n.
+    pub fn below(&mut self, n: usize) -> usize {
+        self.integer(0, n - 1)
+    }
+
+    /// True with probability p.
+    pub fn chance(&mut self, p: f64) -> bool {
+        self.between(0.0, 1.0) < p
     }
 
     /// Standard normal (Box-Muller).

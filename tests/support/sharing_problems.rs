@@ -8,23 +8,6 @@ use nalgebra::{DMatrix, DVector};
 use crate::Random;
 use crate::goldfarb_idnani::{Constraint, minimise};
 
-impl Random {
-    /// Uniform in low..high.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * 0.5 * (self.uniform() + 1.0)
-    }
-
-    /// An integer in low..=high.
-    pub fn integer(&mut self, low: usize, high: usize) -> usize {
-        low + (self.bits() % (high - low + 1) as u64) as usize
-    }
-
-    /// True with probability p.
-    pub fn chance(&mut self, p: f64) -> bool {
-        self.between(0.0, 1.0) < p
-    }
-}
-
 /// Names `c0..`, `m0..`, `x0..` for a problem.
 pub fn names(problem: &SharingProblem) -> Names {
     let numbered = |letter: &str, n: usize| (0..n).map(|i| format!("{letter}{i}")).collect();

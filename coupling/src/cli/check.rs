@@ -2,7 +2,6 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process;
 
 use clap::Args;
 
@@ -21,7 +20,7 @@ pub struct CheckArguments {
     data: Option<PathBuf>,
 }
 
-/// Prints one paragraph per file; ends the process with exit code 2 when a file is bad.
+/// Prints one paragraph per file.
 pub fn run(arguments: &CheckArguments) -> Outcome {
     let mut bad = 0;
     for file in &arguments.files {
@@ -35,10 +34,7 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
             }
         }
     }
-    if bad > 0 {
-        process::exit(2);
-    }
-    Outcome::Solved
+    if bad > 0 { Outcome::BadInput } else { Outcome::Solved }
 }
 
 /// A scene is told from a trial file by its keys; its trial is examined, too.

@@ -8,7 +8,7 @@ use clap::Args;
 use fem::mesh::muscle::attachment::{Attachment, Role, Site};
 use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, Settings};
 use fem::mesh::muscle::{Bone, MuscleSections, build};
-use fem::mesh::{LengthUnit, MeshError};
+use fem::mesh::{LengthUnit, MeshError, Place};
 use multibody::model::Model;
 
 use super::optimize::find_trial;
@@ -283,7 +283,12 @@ fn only_known(only: &[String], known: &[String]) -> Result<(), CommandError> {
 }
 
 fn text(file: &Path) -> Result<String, MeshError> {
-    std::fs::read_to_string(file).map_err(|source| MeshError::Io { file: file.into(), source })
+    let bytes = std::fs::read(file).map_err(|source| MeshError::Io { file: file.into(), source })?;
+    String::from_utf8(bytes).map_err(|error| MeshError::Format {
+        file: file.into(),
+        place: Place::Byte(error.utf8_error().valid_up_to()),
+        reason: "not UTF-8 text; save the table as UTF-8".into(),
+    })
 }
 
 fn print(

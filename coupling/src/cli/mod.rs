@@ -11,6 +11,7 @@ mod scenes;
 mod step;
 mod template;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -27,6 +28,8 @@ pub enum Outcome {
     Solved,
     /// Results were written, but a verdict failed.
     NotSolved,
+    /// An input is bad, as was said on standard error.
+    BadInput,
 }
 
 /// What the commands that carry out a scene have in common.
@@ -104,24 +107,28 @@ enum Command {
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    // What the solver does, iteration by iteration, for `RUST_LOG=fem=debug`.
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .init();
+    ExitCode::from(run(std::env::args_os()))
+}
+
+/// Runs a command line, the name of the program first; returns the exit code. May be called any number of times in a process.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            // Help and version are no errors; everything else is bad input.
-            let code = if error.use_stderr() { 2 } else { 0 };
             let _ = error.print();
-            return ExitCode::from(code);
+            // Help and version are no errors; everything else is bad input.
+            return if error.use_stderr() { 2 } else { 0 };
         }
     };
     if let Some(threads) = arguments.threads {
         // Fails only where a pool exists already, which nothing before this line makes.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
     }
-    // What the solver does, iteration by iteration, for `RUST_LOG=fem=debug`.
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
     let quiet = arguments.quiet;
     let result: Result<Outcome, CommandError> = match arguments.command {
         Command::Optimize(arguments) => optimize::run(&arguments, quiet),
@@ -134,11 +141,12 @@ pub fn main() -> ExitCode {
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {
-        Ok(Outcome::Solved) => ExitCode::SUCCESS,
-        Ok(Outcome::NotSolved) => ExitCode::from(3),
+        Ok(Outcome::Solved) => 0,
+        Ok(Outcome::BadInput) => 2,
+        Ok(Outcome::NotSolved) => 3,
         Err(error) => {
             eprintln!("error: {error}");
-            ExitCode::from(error.exit_code())
+            error.exit_code()
         }
     }
 }

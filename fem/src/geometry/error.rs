@@ -29,7 +29,7 @@ pub enum SurfaceError {
         reason: Box<SurfaceError>,
     },
     /// No triangles.
-    #[error("the surface has no triangles")]
+    #[error("the surface has no triangles; export it as a triangle mesh")]
     Empty,
     /// A coordinate that is NaN or infinite.
     #[error("point {point} has the coordinates {at:.6?} m; all must be finite")]
@@ -40,7 +40,9 @@ pub enum SurfaceError {
         at: [f64; 3],
     },
     /// A triangle that names a point the surface lacks.
-    #[error("triangle {triangle}: point {point} does not exist (the surface has {n_points} points)")]
+    #[error(
+        "triangle {triangle}: point {point} does not exist (the surface has {n_points} points); export it again"
+    )]
     PointOutOfRange {
         /// Number of the triangle.
         triangle: usize,

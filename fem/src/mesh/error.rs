@@ -19,13 +19,13 @@ pub enum MeshError {
         source: std::io::Error,
     },
     /// The file does not follow its format, or uses a part of it that is not supported.
-    #[error("{}, {place}: {reason}", file.display())]
+    #[error("{}, {place}: {}", file.display(), with_remedy(reason))]
     Format {
         /// The file.
         file: PathBuf,
         /// Where in the file.
         place: Place,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to mend it. Where it does not say how, the message adds what always helps.
         reason: String,
     },
     /// The name of the file does not say what format it has.
@@ -81,10 +81,10 @@ pub enum MeshError {
         reason: String,
     },
     /// A mesh without cells.
-    #[error("the mesh has no cells")]
+    #[error("the mesh has no cells; export it with its elements")]
     Empty,
     /// More nodes than 32-bit indices can name.
-    #[error("{n_nodes} nodes are more than 32-bit node indices can name")]
+    #[error("{n_nodes} nodes are more than 32-bit node indices can name; coarsen the mesh")]
     TooManyNodes {
         /// Number of nodes.
         n_nodes: usize,
@@ -96,7 +96,9 @@ pub enum MeshError {
         block: String,
     },
     /// A block whose list of nodes does not divide into whole cells.
-    #[error("block `{block}`: {n_indices} node indices do not divide into cells of {n_nodes} nodes")]
+    #[error(
+        "block `{block}`: {n_indices} node indices do not divide into cells of {n_nodes} nodes; export the mesh again"
+    )]
     RaggedBlock {
         /// Name of the block.
         block: String,
@@ -114,7 +116,9 @@ pub enum MeshError {
         point: [f64; 3],
     },
     /// A cell that names a node the mesh lacks.
-    #[error("block `{block}`, cell {cell}: node {node} does not exist (the mesh has {n_nodes} nodes)")]
+    #[error(
+        "block `{block}`, cell {cell}: node {node} does not exist (the mesh has {n_nodes} nodes, counted from 0); mend the cell"
+    )]
     NodeOutOfRange {
         /// Name of the block.
         block: String,
@@ -171,7 +175,9 @@ pub enum MeshError {
         first: usize,
     },
     /// A node set that is not sorted, not unique or names a node the mesh lacks.
-    #[error("node set `{set}`: entry {entry} (node {node}) is out of range, out of order or doubled")]
+    #[error(
+        "node set `{set}`: entry {entry} (node {node}) is out of range, out of order or doubled; mend the set"
+    )]
     NodeSet {
         /// Name of the set.
         set: String,
@@ -182,7 +188,7 @@ pub enum MeshError {
     },
     /// A face of a named surface that is not a triangle or quadrilateral of existing nodes.
     #[error(
-        "surface `{surface}`, face {face}: {nodes:?} is not a triangle (last node repeated) or quadrilateral of existing nodes"
+        "surface `{surface}`, face {face}: {nodes:?} is not a triangle (last node repeated) or quadrilateral of existing nodes; mend the surface"
     )]
     SurfaceFace {
         /// Name of the surface.
@@ -193,7 +199,9 @@ pub enum MeshError {
         nodes: [u32; 4],
     },
     /// A face that belongs to more than two cells.
-    #[error("block `{block}`, cell {cell}: its face {nodes:?} belongs to more than two cells")]
+    #[error(
+        "block `{block}`, cell {cell}: its face {nodes:?} belongs to more than two cells; remove doubled cells"
+    )]
     NonManifold {
         /// Name of the block.
         block: String,
@@ -212,6 +220,14 @@ pub enum MeshError {
         /// The names there are.
         known: String,
     },
+}
+
+/// A reason that ends in a remedy: its own after a semicolon or in a question, else what always helps.
+fn with_remedy(reason: &str) -> String {
+    match reason.contains([';', '?']) {
+        true => reason.to_string(),
+        false => format!("{reason}; repair the file there, or export it again"),
+    }
 }
 
 /// Where in a file.
