@@ -360,8 +360,7 @@ impl Prepared {
         }
         let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
         let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
-        let write =
-            |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
+        let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
         write(&one_way.run, ONE_WAY_FOLDER)
             .and_then(|()| write(&run, FOLDERS[0]))
             .map_err(CompareError::from)?;

@@ -194,7 +194,8 @@ pub(super) fn carry_out(
     record.again = again(command, &prepared, asked, two_way);
     let ready = prepared.calibrate(asked, folder, &mut |stage| progress.lap(stage))?;
     let mut out = OutputFolder::begin(claim, arguments.resume)?;
-    let mut study = prepared.solve_ready(ready, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
+    let mut study =
+        prepared.solve_ready(ready, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
     let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
     let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
     record.iterations.insert("newton".into(), count(&|run| run.iterations.len()));
