@@ -9,6 +9,7 @@ Run:    pip install pyvista
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pyvista as pv
@@ -17,11 +18,11 @@ FRAMES = 10
 
 
 def frame(folder, name, number):
-    grid = pv.read(f"{folder}/{name}/{name}_{number:04}.vtu")
-    rest = grid.extract_cells(grid.celltypes == pv.CellType.HEXAHEDRON)
-    rest.cell_data["stress [kPa]"] = rest.cell_data["von_mises_Pa"] / 1e3
-    fibres = grid.extract_cells(grid.celltypes == pv.CellType.LINE)
-    return [g.warp_by_vector("displacement_m") if g.n_cells else None for g in (rest, fibres)]
+    part = Path(folder, name, f"{name}_{number:04}_solids.vtu")
+    solids = pv.read(part)
+    solids.cell_data["stress [kPa]"] = solids.cell_data["von_mises_Pa"] / 1e3
+    fibres = part.with_name(f"{name}_{number:04}_fibres.vtu")
+    return solids, pv.read(fibres) if fibres.exists() else None
 
 
 def whole(octant):

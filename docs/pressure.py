@@ -1,11 +1,11 @@
 """Draws docs/pressure.png: contact pressure between gluteus minimus and gluteus medius at loading response, on both of them; grey: the bones.
 
-Input:  the .vtu file with contact written by
+Input:  the frame with contact (its parts `solids` and `bones`) written by
             cargo run --release -- compare walker_6mm.toml --out out/walker_6mm
         walker_6mm.toml: the built-in scene (gait-data/scenes/walker.toml) with `resolution_mm = 6.0`.
 Output: the picture named by the second argument.
 Run:    pip install pyvista
-        python docs/pressure.py out/walker_6mm/contact/thigh_0001.vtu docs/pressure.png
+        python docs/pressure.py out/walker_6mm/contact/thigh_0001 docs/pressure.png
 """
 
 import sys
@@ -25,11 +25,11 @@ def cells_of(grid, block):
     return grid.extract_cells(np.flatnonzero(grid.cell_data["block"] == number))
 
 
-def main(file, picture):
-    grid = pv.read(file).warp_by_vector("displacement_m")
+def main(frame, picture):
+    solids, skeleton = (pv.read(f"{frame}_{part}.vtu") for part in ("solids", "bones"))
     plotter = pv.Plotter(shape=(1, 2), off_screen=True, window_size=(1400, 760), border=False)
     for column, (name, side, other, bones) in enumerate(VIEWS):
-        muscle = cells_of(grid, name).extract_surface(algorithm="dataset_surface")
+        muscle = cells_of(solids, name).extract_surface(algorithm="dataset_surface")
         pressure = np.asarray(muscle.point_data["contact_pressure_Pa"]) / 1e3
         muscle["pressure [kPa]"] = pressure
         print(f"{name}: {np.nanmax(pressure):.0f} kPa at most, {np.nanpercentile(pressure, 95):.0f} kPa at 95 % of the nodes")
@@ -41,7 +41,7 @@ def main(file, picture):
             scalar_bar_args=dict(color="black", title_font_size=18, label_font_size=16, fmt="%.0f", width=0.5, position_x=0.25),
         )
         for bone in bones:
-            surface = cells_of(grid, bone).extract_surface(algorithm="dataset_surface")
+            surface = cells_of(skeleton, bone).extract_surface(algorithm="dataset_surface")
             plotter.add_mesh(surface, color="#d8d2c4", ambient=0.3)
         plotter.add_text(f"{name.replace('_', ' ')}, the side of {other}", font_size=13, color="black", position="upper_edge")
         centre = np.array(muscle.center)

@@ -111,14 +111,51 @@ fn reserves_are_reported_and_never_silent() {
 #[test]
 fn measured_knee_forces_are_compared() {
     let folder = tempfile::tempdir().unwrap();
-    let rows: String = (0..130).map(|k| format!("{},{},{}\n", 0.01 * k as f64, 700, 300)).collect();
-    fs::write(folder.path().join("knee.csv"), format!("time_s,medial_N,lateral_N\n{rows}")).unwrap();
-    let output = sartorius(&["optimize", "--measured", "knee.csv", "--json"], folder.path());
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    // As the competition distributes them: pounds-force of four load cells, trailing commas, bare carriage returns.
+    let pounds = |newtons: f64| newtons / 4.4482216 / 2.0;
+    let row = |k: i32| {
+        let (t, m) = (0.01 * f64::from(k), pounds(700.0 + f64::from(k)));
+        format!("{t},{m},{m},{l},{l},0,0,,\r", l = pounds(300.0))
+    };
+    let rows: String = (0..130).map(row).collect();
+    fs::write(folder.path().join("knee.csv"), format!("Time(sec),PM,AM,AL,PL,GON,GRFz,,\r{rows}")).unwrap();
+    let run = |more: &[&str]| {
+        let output = sartorius(&[&["optimize", "--measured", "knee.csv"], more].concat(), folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        output
+    };
+    let words = text(&run(&[]).stdout);
+    assert!(words.contains("1 - SSE/SST ") && words.contains("squared correlation "), "{words}");
+    let page = fs::read_to_string(folder.path().join("out/optimize-walker/report.html")).unwrap();
+    assert!(page.contains("1 − SSE/SST</th>") && page.contains("squared correlation</th>"));
+    let output = run(&["--json"]);
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let total = &summary["measured"][2];
     assert_eq!(total[0], "total");
-    assert_eq!(total[1]["peak_measured_N"], 1000.0);
+    let of_curves = |name: &str| {
+        let table = fs::read_to_string(folder.path().join("out/optimize-walker/measured_knee.csv")).unwrap();
+        let at = table.lines().next().unwrap().split(',').position(|c| c == name).unwrap();
+        table.lines().skip(1).map(|l| l.split(',').nth(at).unwrap().parse().unwrap()).collect::<Vec<f64>>()
+    };
+    let (y, m) = (of_curves("total_measured_N"), of_curves("total_model_N"));
+    assert!(
+        (total[1]["peak_measured_N"].as_f64().unwrap() - y.iter().fold(0.0, |a: f64, b| a.max(*b))).abs()
+            < 1e-9
+    );
+    assert!(y.windows(2).all(|w| w[1] > w[0]) && (y[0] - 1000.0).abs() < 1.0, "{y:?}");
+    // Both numbers that are called R², by their definitions.
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+    let product = |a: &[f64], b: &[f64]| {
+        let (p, q) = (mean(a), mean(b));
+        a.iter().zip(b).map(|(a, b)| (a - p) * (b - q)).sum::<f64>()
+    };
+    let sse: f64 = y.iter().zip(&m).map(|(y, m)| (m - y).powi(2)).sum();
+    let close = |key: &str, wanted: f64| {
+        let found = total[1][key].as_f64().unwrap();
+        assert!((found - wanted).abs() < 1e-6 * wanted.abs(), "{key}: {found} instead of {wanted}");
+    };
+    close("one_minus_sse_over_sst", 1.0 - sse / product(&y, &y));
+    close("squared_correlation", product(&y, &m).powi(2) / (product(&y, &y) * product(&m, &m)));
     assert!(total[1]["rmse_N"].as_f64().unwrap() > 0.0);
 }
 

@@ -5,6 +5,7 @@
 use fem::measure::{Snapshot, kinetic_energy};
 use fem::mesh::{Mesh, generate};
 use fem::output::{Restart, run_restartable};
+use fem::parts::Beside;
 use fem::plan::{LoadedIsland, Plan};
 use fem::run::{Drive, Run, run};
 use fem::scene::{ContactSpec, GravitySpec, InertiaSpec, LawSpec, PlaneSpec, Scene, SolidSpec, VelocitySpec};
@@ -312,7 +313,7 @@ fn a_resumed_flight_has_the_same_bits() {
     let whole = |frames: usize, resume: bool, folder: &std::path::Path| {
         let drive = Drive { frames: drive.frames[..frames].to_vec() };
         let restart = Restart { key: "a key", resume };
-        run_restartable(&plan, &drive, &settings, folder, "flight", restart, &mut |_| {})
+        run_restartable(&plan, &drive, &settings, folder, "flight", &Beside::default(), restart, &mut |_| {})
             .expect("files are written")
     };
     let (a, b) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));

@@ -332,6 +332,33 @@ fn knee_forces_come_in_two_layouts() {
         (cells.lateral[0] - pound * (0.0129 * 20.0 + 0.0317 * 10.0 + 0.9613 * 30.0 + 0.9789 * 40.0)).abs()
             < 1e-9
     );
+    // As distributed: every line ends in a carriage return and in commas, some rows hold nothing else; cells may be empty.
+    let public = "Time(sec),PM,AM,AL,PL,GON,GRFz,,\r0.5,10,20,30,40,1.5,-700,,\r,,,,,,,,\r0.6,11,21,31,41,,,,\r0.7,12,,32,42\r";
+    for (name, text) in [
+        ("cr.csv", public.to_string()),
+        ("crlf.csv", public.replace('\r', "\r\n")),
+        ("lf.csv", public.replace('\r', "\n")),
+        ("quoted.csv", public.replace("Time(sec)", "\"Time(sec)\"")),
+    ] {
+        let found = write(name, &text).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(found.time, [0.5, 0.6, 0.7], "{name}");
+        assert_eq!((found.medial[0], found.lateral[0]), (cells.medial[0], cells.lateral[0]));
+        assert!(
+            found.medial[1].is_finite() && found.medial[2].is_nan() && found.lateral[2].is_nan(),
+            "a gap is a gap"
+        );
+        let said = read::check(&folder.path().join(name), None).unwrap();
+        assert!(said.contains("3 rows, 0.5000 to 0.7000 s"), "{said}");
+    }
+    // What is wrong is still told, with its line.
+    let error = write("extra.csv", "Time(sec),PM,AM,AL,PL,,\r0.5,1,2,3,4,,\r0.6,1,2,3,4,5,\r")
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("line 3") && error.contains("`5`"), "{error}");
+    let error = write("word.csv", "Time(sec),PM,AM,AL,PL,,\r0.5,1,2,x3,4,,\r").unwrap_err().to_string();
+    assert!(error.contains("line 2") && error.contains("AL") && error.contains("`x3`"), "{error}");
+    let error = write("gaps.csv", "Time(sec),PM,AM,AL,PL\r0.5,,,,\r").unwrap_err().to_string();
+    assert!(error.contains("no row holds a force"), "{error}");
     let error = write("short.csv", "Time(sec),PM,AM,AL\n0.5,10,20,30\n").unwrap_err().to_string();
     assert!(error.contains("line 1") && error.contains("`PL`"), "{error}");
 }

@@ -9,7 +9,9 @@ use fem::contact::Mode;
 use fem::effect::Part;
 use fem::geometry::{SearchSurface, Surface};
 use fem::measure::collision_surfaces;
+use fem::mesh::muscle::Bone;
 use fem::output::{Restart, run_restartable};
+use fem::parts::{Beside, MovingBone};
 use fem::plan::{Plan, SceneError};
 use fem::run::{Drive, DriveFrame, Frame, Run};
 use fem::scene::{FibreLawSpec, FibreSpec};
@@ -21,7 +23,7 @@ use crate::error::CommandError;
 use crate::registration::BODIES;
 use crate::section::belly_force;
 use crate::steps::{RigidStep, StepName};
-use crate::thigh::build::{Thigh, ThighMuscle};
+use crate::thigh::build::{Thigh, ThighMuscle, segment_of};
 
 /// In which posture the mesh is free of stress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -113,19 +115,15 @@ pub fn drive(
     stress_free: StressFree,
 ) -> Result<Drive, CompareError> {
     let mut frames = Vec::new();
-    let start: [Pose; 4] = match stress_free {
-        StressFree::Standing => Default::default(),
-        StressFree::HeelStrike => steps[0].poses,
-    };
     let mut push = |time: f64, poses: &[Pose; 4], controls: &[f64]| -> Result<(), CompareError> {
         // Without fibres nothing is driven.
         let driven = thigh.muscles.iter().zip(controls).filter(|(m, _)| plan.controls.contains(&m.name));
         let controls: Vec<(&str, f64)> = driven.map(|(m, c)| (m.name.as_str(), *c)).collect();
         let moved: Vec<(&str, Pose)> = BODIES
             .iter()
-            .zip(poses.iter().zip(&start))
+            .zip(moves(steps, stress_free, poses))
             .filter(|(name, _)| plan.bodies.iter().any(|b| b == *name))
-            .map(|(name, (to, from))| (*name, to * from.inverse()))
+            .map(|(name, pose)| (*name, pose))
             .collect();
         frames.push(DriveFrame { time, load: plan.load(&controls, &moved)? });
         Ok(())
@@ -139,6 +137,31 @@ pub fn drive(
         push(1.0 + i as f64, &step.poses, &controls[i])?;
     }
     Ok(Drive { frames })
+}
+
+/// Poses of [`BODIES`] relative to the mesh, whose bones stand where it is free of stress.
+fn moves(steps: &[RigidStep], stress_free: StressFree, poses: &[Pose; 4]) -> [Pose; 4] {
+    let start: [Pose; 4] = match stress_free {
+        StressFree::Standing => Default::default(),
+        StressFree::HeelStrike => steps[0].poses,
+    };
+    std::array::from_fn(|b| poses[b] * start[b].inverse())
+}
+
+/// What the frames of a [`drive`] show beside the muscles: times of the gait, and the bones, those on the way to the first step included.
+pub fn beside(drive: &Drive, steps: &[RigidStep], stress_free: StressFree, bones: &[Bone]) -> Beside {
+    // On the way the bones stand as at the first step.
+    let on_the_way = drive.frames.len() - steps.len();
+    let frames: Vec<&RigidStep> = std::iter::repeat_n(&steps[0], on_the_way).chain(steps).collect();
+    let moving = |bone: &Bone| {
+        let body = BODIES.iter().position(|body| Some(*body) == segment_of(&bone.name))?;
+        let poses = frames.iter().map(|step| moves(steps, stress_free, &step.poses)[body]).collect();
+        Some(MovingBone { name: bone.name.clone(), surface: bone.surface.clone(), poses })
+    };
+    Beside {
+        times: frames.iter().map(|step| step.time).collect(),
+        bones: bones.iter().filter_map(moving).collect(),
+    }
 }
 
 /// Force of the rigid leg per muscle of the thigh \[N\].
@@ -156,11 +179,12 @@ pub fn configuration(
     steps: &[RigidStep],
     settings: &Settings,
     folder: &Path,
+    beside: &Beside,
     restart: Restart,
     on_frame: &mut dyn FnMut(&Frame),
 ) -> Result<Configuration, CompareError> {
     let clock = Instant::now();
-    let run = run_restartable(plan, drive, settings, folder, "thigh", restart, on_frame)?;
+    let run = run_restartable(plan, drive, settings, folder, "thigh", beside, restart, on_frame)?;
     let time = clock.elapsed();
     let passive = drive.frames.len() - steps.len();
     let at_steps = || run.frames.iter().skip(passive);

@@ -11,6 +11,7 @@ use crate::calibration::{CalibrationError, FibreCurve, calibrate};
 use crate::compare::{CompareError, StressFree, wanted};
 use crate::hill_calibration::{Calibrated, Posture, calibrate_hill, with_laws};
 use crate::muscle_unit::{Fit, MuscleUnit};
+use crate::number::short;
 use crate::registration::Registration;
 use crate::scene::Fibres;
 use crate::steps::{RigidStep, rigid_muscles_at, rigid_muscles_standing};
@@ -113,7 +114,7 @@ fn hill(
     let posture = |[hip, knee]: [f64; 2]| {
         let Q = registration.posture(model, hip.to_radians(), knee.to_radians())?;
         Some(Posture {
-            name: format!("hip {hip}, knee {knee} degrees"),
+            name: format!("hip {}, knee {} degrees", short(hip), short(knee)),
             poses: registration.poses(model, &Q),
             muscles: rigid_muscles_at(model, registration, &Q),
         })

@@ -13,6 +13,7 @@ pub mod fixed_point;
 pub mod hill_calibration;
 pub mod measured;
 pub mod muscle_unit;
+pub mod number;
 pub mod optimize;
 pub mod output;
 pub mod registration;

@@ -80,11 +80,14 @@ pub struct Agreement {
     pub rmse_N: f64,
     /// The same in body weights.
     pub rmse_bw: f64,
-    /// Coefficient of determination 1 − Σ(mᵢ − yᵢ)²/Σ(yᵢ − ȳ)²; negative where the mean of the measurement
+    /// Coefficient of determination 1 − Σ(mᵢ − yᵢ)²/Σ(yᵢ − ȳ)², which some call R²; negative where the mean of the measurement
     /// would predict better. `None` where the measurement is constant.
-    pub r2: Option<f64>,
+    #[serde(rename = "one_minus_sse_over_sst")]
+    pub determination: Option<f64>,
     /// Pearson correlation, which ignores offset and scale. `None` where a curve is constant.
     pub correlation: Option<f64>,
+    /// Its square, which others call R².
+    pub squared_correlation: Option<f64>,
     /// Largest measured force \[N\].
     pub peak_measured_N: f64,
     /// Largest modelled force \[N\].
@@ -211,14 +214,16 @@ fn agreement(measured: &[f64], model: &[f64], weight: f64) -> Agreement {
     // A constant curve has no variance but that of rounding its mean.
     let varies = |variance: f64, v: &[f64]| variance > 1e-24 * v.iter().map(|x| x * x).sum::<f64>();
     let (measured_varies, model_varies) = (varies(syy, measured), varies(smm, model));
+    let correlation = (measured_varies && model_varies).then(|| sym / (syy * smm).sqrt());
     let rmse_N = (sse / n).sqrt();
     let (peak_measured_N, peak_model_N) = (peak(measured), peak(model));
     let peak_error_N = peak_model_N - peak_measured_N;
     Agreement {
         rmse_N,
         rmse_bw: rmse_N / weight,
-        r2: measured_varies.then(|| 1.0 - sse / syy),
-        correlation: (measured_varies && model_varies).then(|| sym / (syy * smm).sqrt()),
+        determination: measured_varies.then(|| 1.0 - sse / syy),
+        correlation,
+        squared_correlation: correlation.map(|r| r * r),
         peak_measured_N,
         peak_model_N,
         peak_error_N,
@@ -271,12 +276,13 @@ mod tests {
         let close = |a: f64, b: f64| (a - b).abs() < 1e-12 * b.abs().max(1.0);
         assert!(close(medial.rmse_N, 300_f64.sqrt()), "{medial:?}");
         assert!(close(medial.rmse_bw, 300_f64.sqrt() / 1000.0));
-        assert!(close(medial.r2.unwrap(), 0.976));
+        assert!(close(medial.determination.unwrap(), 0.976));
         assert!(close(medial.correlation.unwrap(), 54000.0 / (50000.0_f64 * 58800.0).sqrt()));
+        assert!(close(medial.squared_correlation.unwrap(), 54000.0 * 54000.0 / (50000.0 * 58800.0)));
         assert!(close(medial.peak_error_N, 30.0) && close(medial.peak_error_bw, 0.03));
         assert!(close(medial.largest_error_N, 30.0));
         let lateral = &overlay.lateral.agreement; // constant measurement: nothing to explain
-        assert_eq!((lateral.r2, lateral.correlation), (None, None));
+        assert_eq!((lateral.determination, lateral.correlation), (None, None));
         assert!(close(lateral.rmse_N, 10.0)); // √(20²/4)
         assert!(close(overlay.total.agreement.peak_error_N, 50.0));
     }
@@ -287,7 +293,7 @@ mod tests {
         let constant = vec![0.1; 3];
         assert_ne!(constant.iter().sum::<f64>() / 3.0, 0.1);
         let found = agreement(&constant, &[1.0, 2.0, 3.0], 700.0);
-        assert_eq!((found.r2, found.correlation), (None, None));
+        assert_eq!((found.determination, found.squared_correlation), (None, None));
     }
 
     #[test]

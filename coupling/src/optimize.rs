@@ -1,8 +1,9 @@
 //! `sartorius optimize`: the rigid side alone, from markers to activations.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use multibody::InputError;
 use multibody::activation::activate;
 use multibody::anatomy::Anatomy;
 use multibody::calibration::{calibrate, functional::Quality};
@@ -18,6 +19,7 @@ use multibody::walker::{Knee, walker};
 
 use crate::error::CommandError;
 use crate::measured::Overlay;
+use crate::number::short;
 
 /// What to optimize and how.
 #[derive(Clone, Debug, Default)]
@@ -50,6 +52,8 @@ pub struct Case {
     pub filters: Filters,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
+    /// The trial file and the table of landmarks that it names: name from the folder of the trial, and text. None for the built-in walker.
+    pub texts: Vec<(String, String)>,
     /// Where landmarks and hip centre come from, for the report.
     pub landmarks: String,
     /// Rule of the hip centre, for the report.
@@ -96,6 +100,7 @@ impl Case {
                 // The averaged ground reaction is smooth already.
                 filters: Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 },
                 inputs: Vec::new(),
+                texts: Vec::new(),
                 landmarks: "table (built in)".into(),
                 hip_centre: "table".into(),
                 is_cycle: true,
@@ -122,10 +127,24 @@ impl Case {
             trial_file::Ankle::Universal => Ankle::Universal,
             trial_file::Ankle::Parallel => Ankle::Parallel,
         };
+        let inputs = file.inputs(options.data.as_deref())?;
+        let table = file.landmarks.table.as_deref();
+        // Among the inputs the table stands under the folder where it was found.
+        let table = table.and_then(|given| Some((given, inputs.iter().rfind(|path| path.ends_with(given))?)));
+        let text = |path: &Path| {
+            let io = |source| InputError::Io { file: path.to_path_buf(), source };
+            std::fs::read_to_string(path).map_err(io)
+        };
+        let mut texts =
+            vec![(path.file_name().unwrap_or_default().to_string_lossy().into_owned(), text(path)?)];
+        if let Some((given, found)) = table {
+            texts.push((given.to_string_lossy().replace('\\', "/"), text(found)?));
+        }
         Ok(Case {
+            texts,
             ankle: options.ankle.unwrap_or(ankle),
             filters: file.filters(),
-            inputs: file.inputs(options.data.as_deref())?,
+            inputs,
             landmarks: source_name(&spec.source).into(),
             hip_centre: hip_name(&spec.hip_centre),
             is_cycle: file.range.cycle.is_some(),
@@ -181,6 +200,7 @@ fn hip_name(centre: &trial_file::HipCentre) -> String {
         }
         trial_file::HipCentre::By(HipRule::Harrington) => "Harrington et al. 2007".into(),
         trial_file::HipCentre::At([x, y, z]) => {
+            let [x, y, z] = [x, y, z].map(|v| short(*v));
             format!("given: {x}, {y}, {z} m from the midpoint of the ASISs")
         }
     }

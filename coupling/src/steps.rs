@@ -142,12 +142,12 @@ pub fn rigid_step(
     let frame = done.motion.report.start + row;
     let time = done.effort.time[row];
     if let Some(why) = &done.motion.fit[frame].failure {
-        return Err(format!("the frame of {} at {time} s was not fitted: {why}", name.name()));
+        return Err(format!("the frame of {} at {time:.3} s was not fitted: {why}", name.name()));
     }
     let verdict = &done.effort.verdicts[row];
     if verdict.status == multibody::trial::Status::Failed {
         let why = verdict.reason.as_deref().unwrap_or("no reason given");
-        return Err(format!("no muscle forces at {} ({time} s): {why}", name.name()));
+        return Err(format!("no muscle forces at {} ({time:.3} s): {why}", name.name()));
     }
     let (model, Q) = (&done.model, &done.motion.Q[frame]);
     let (units, curves) = (&MusculotendonModel::generic().units, hill::Settings::default().curves);

@@ -12,7 +12,7 @@ use fem::run::{Drive, Frame};
 use fem::solve::{Settings, Stability};
 
 use crate::cache::{Cache, content_hash};
-use crate::compare::{Configuration, configuration, drive};
+use crate::compare::{Configuration, beside, configuration, drive};
 use crate::error::CommandError;
 use crate::explain;
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
@@ -206,7 +206,10 @@ impl Prepared {
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(FOLDERS[c]);
-            let done = configuration(&plan, thigh, &way, steps, &settings, &folder, restart, &mut |_| ())?;
+            let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+            let beside = beside(&way, steps, self.scene.stress_free, bones);
+            let done =
+                configuration(&plan, thigh, &way, steps, &settings, &folder, &beside, restart, &mut |_| ())?;
             lap(STAGES[3 + c]);
             study.configurations[c] = Some((plan, done));
         }

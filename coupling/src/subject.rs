@@ -1,9 +1,11 @@
-//! The built-in thigh in the size of a subject.
+//! Who was recorded, in words; the built-in thigh in the size of a subject.
 
 use fem::mesh::muscle::limb::LimbMap;
 use multibody::model::Model;
 use multibody::natural::SegmentId;
+use multibody::trial::{Sex, Side, Trial};
 
+use crate::number::{plain, short};
 use crate::registration::MeshFrames;
 
 /// Distance of the ASISs of the measured body \[m\] and length of its shank, knee centre to the midpoint of the malleolar tips less the
@@ -31,6 +33,20 @@ pub fn factors(model: &Model) -> Factors {
         thigh: length(SegmentId::Thigh) / (knee - hip).norm(),
         shank: length(SegmentId::Shank) / SHANK_LENGTH,
     }
+}
+
+/// Name or code, sex, mass, height and leg of who was recorded, as every result names them.
+pub fn words(trial: &Trial) -> String {
+    let subject = &trial.subject;
+    let sex = match subject.sex {
+        Sex::Male => "male",
+        Sex::Female => "female",
+    };
+    let leg = match trial.side {
+        Side::Right => "right leg",
+        Side::Left => "left leg, mirrored",
+    };
+    format!("{}, {sex}, {} kg, {} m, {leg}", subject.name, short(subject.mass), plain(subject.height, 2))
 }
 
 /// Carries the built-in thigh to that size: segments grow alike in all directions, for girths are seldom known, the pelvis about the

@@ -16,6 +16,7 @@ pub mod material;
 pub mod measure;
 pub mod mesh;
 pub mod output;
+pub mod parts;
 pub mod plan;
 pub mod restart;
 pub mod run;

@@ -1,26 +1,23 @@
-//! A run as files that a person can follow: a `.vtu` per frame, a collection that grows, a log, and how it ended.
+//! A run as files that a person can follow: frames in [parts](crate::parts), a collection that grows, a log, and how it ended.
 //!
 //! | file | what | when |
 //! |---|---|---|
-//! | `NAME_0000.vtu` … | a solved frame | as it is solved |
+//! | `NAME_0000_PART.vtu` … | the parts of a solved frame: solids, fibres, membranes, strands, bones | as it is solved |
 //! | `NAME.pvd` | the frames so far, for ParaView | after every frame |
 //! | `iterations.csv` | a row per Newton iteration | at the end (`iterations.csv.part` before) |
 //! | `NAME_0000.state` … | what [`run_restartable`] goes on from | after every frame, removed by the caller |
-//! | `NAME_unsolved.vtu` | the last good state before a frame that has no equilibrium | when that happens |
+//! | `NAME_unsolved.pvd`, `NAME_unsolved_PART.vtu` … | the last good state before a frame that has no equilibrium, bones that nothing is tied to left out | when that happens |
 //! | `NAME.json` | how the run ended: island, element or node and reason of a failure | last |
 //!
 //! Every file appears complete or not at all. A folder without `NAME.json` holds a run that is going on or was killed.
 
-#![allow(non_snake_case)]
-
-use crate::measure::{contact_tractions, fibre_states, solid_field};
-use crate::mesh::format::{pvd::PvdWriter, vtu, write_whole};
-use crate::mesh::{CellKind, MeshError};
+use crate::mesh::MeshError;
+use crate::mesh::format::{pvd::PvdWriter, write_whole};
+use crate::parts::{Beside, PARTS, parts};
 use crate::plan::Plan;
 use crate::run::{Advanced, Drive, Frame, Run, Session, Step, run_steps};
 use crate::solve::{IterationLog, Settings, SolveError};
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -56,7 +53,7 @@ pub fn run_to_files(
     name: &str,
     on_frame: &mut dyn FnMut(&Frame),
 ) -> Result<Run, OutputError> {
-    let mut files = RunFiles::create(folder, name)?;
+    let mut files = RunFiles::create(folder, name, Beside::default())?;
     let mut written = Ok(());
     let run = run_steps(plan, drive, settings, start, &mut |step| {
         written = files.write(plan, step);
@@ -90,10 +87,11 @@ pub fn run_restartable(
     settings: &Settings,
     folder: &Path,
     name: &str,
+    beside: &Beside,
     restart: Restart,
     on_frame: &mut dyn FnMut(&Frame),
 ) -> Result<Run, OutputError> {
-    let mut files = RunFiles::create(folder, name)?;
+    let mut files = RunFiles::create(folder, name, beside.clone())?;
     if !restart.resume {
         crate::restart::remove_states(folder, name).map_err(|source| at(folder, source))?;
     }
@@ -133,33 +131,39 @@ pub fn run_restartable(
 /// The files of a run that is going on.
 struct RunFiles {
     series: PvdWriter,
+    beside: Beside,
+    /// Frames so far.
+    frames: usize,
     log: IterationLog,
     log_file: PathBuf,
-    /// `NAME_unsolved.vtu`.
+    /// `NAME_unsolved.pvd`.
     unsolved: PathBuf,
     /// `NAME.json`.
     summary: PathBuf,
 }
 
 impl RunFiles {
-    fn create(folder: &Path, name: &str) -> Result<RunFiles, OutputError> {
+    fn create(folder: &Path, name: &str, beside: Beside) -> Result<RunFiles, OutputError> {
         let summary = folder.join(format!("{name}.json"));
         remove(&summary)?;
         let series = PvdWriter::create(folder, name)?;
         remove_frames(folder, name)?;
         let log_file = folder.join("iterations.csv");
         let log = IterationLog::create(folder).map_err(|source| at(&log_file, source))?;
-        Ok(RunFiles { series, log, log_file, unsolved: folder.join(format!("{name}_unsolved.vtu")), summary })
+        let unsolved = folder.join(format!("{name}_{UNSOLVED}.pvd"));
+        Ok(RunFiles { series, beside, frames: 0, log, log_file, unsolved, summary })
     }
 
     fn write(&mut self, plan: &Plan, step: &Step) -> Result<(), OutputError> {
         self.log.write(step.iterations).map_err(|source| at(&self.log_file, source))?;
-        let (points, cells) = fields(plan, step.frame);
+        let time = self.beside.time(self.frames, step.frame.time);
         if step.errors.is_empty() {
-            self.series.push(step.frame.time, &plan.mesh, &points, &cells)?;
+            self.series.push_parts(time, &parts(plan, step.frame, &self.beside, Some(self.frames)))?;
         } else {
-            vtu::write(&self.unsolved, &plan.mesh, &points, &cells)?;
+            // Bones beside the plan stand in a frame, this state somewhere before it.
+            self.series.write_apart(UNSOLVED, time, &parts(plan, step.frame, &self.beside, None))?;
         }
+        self.frames += 1;
         Ok(())
     }
 
@@ -174,7 +178,7 @@ impl RunFiles {
             "newton_iterations": run.iterations.len(),
         });
         if let Some(frame) = &run.unsolved {
-            summary["unsolved_time"] = json!(frame.time);
+            summary["unsolved_time"] = json!(self.beside.time(run.frames.len(), frame.time));
             summary["last_good_state"] = json!(file_name(&self.unsolved));
             summary["failures"] = run.errors.iter().map(failure).collect();
         }
@@ -183,12 +187,18 @@ impl RunFiles {
     }
 }
 
+/// Label of the last good state before a frame that has no equilibrium.
+const UNSOLVED: &str = "unsolved";
+
 /// Removes the frames of an earlier run.
 fn remove_frames(folder: &Path, name: &str) -> Result<(), OutputError> {
     let old = |entry: &str| {
         let rest = entry.strip_prefix(name).and_then(|rest| rest.strip_prefix('_'));
-        let stem = rest.and_then(|r| r.strip_suffix(".part").unwrap_or(r).strip_suffix(".vtu"));
-        stem.is_some_and(|s| s == "unsolved" || (s.len() >= 4 && s.bytes().all(|b| b.is_ascii_digit())))
+        let whole = rest.map(|r| r.strip_suffix(".part").unwrap_or(r));
+        let stem = whole.and_then(|r| r.strip_suffix(".vtu").or(r.strip_suffix(".pvd")));
+        let frame = |s: &str| s == UNSOLVED || (s.len() >= 4 && s.bytes().all(|b| b.is_ascii_digit()));
+        let parted = |s: &str| s.split_once('_').is_some_and(|(s, part)| frame(s) && PARTS.contains(&part));
+        stem.is_some_and(|s| frame(s) || parted(s))
     };
     let entries = std::fs::read_dir(folder).map_err(|source| at(folder, source))?;
     for entry in entries {
@@ -238,59 +248,6 @@ fn failure(error: &SolveError) -> Value {
             "residual_N": e.residual, "wanted_residual_N": e.wanted, "message": message,
         }),
     }
-}
-
-/// What a frame shows: at the nodes `displacement_m`, with inertia `velocity_m_per_s`, and `contact_pressure_Pa` (force per reference area) on surfaces in contact; in solid cells `von_mises_Pa`, `pressure_Pa` and `volume_ratio`; in lines
-/// that carry fibres or strands under the name of their block `stretch` and `force_N`; not a number elsewhere.
-pub fn fields(plan: &Plan, frame: &Frame) -> (Vec<vtu::Field<'static>>, Vec<vtu::Field<'static>>) {
-    let displacement: Vec<f64> = frame.x.iter().zip(plan.reference()).map(|(x, X)| x - X).collect();
-    let n = plan.mesh.n_cells();
-    let mut columns = ["von_mises_Pa", "pressure_Pa", "volume_ratio", "stretch", "force_N"]
-        .map(|name| (name, vec![f64::NAN; n]));
-    let mut first = 0;
-    for block in &plan.mesh.blocks {
-        if let Some(cells) = solid_field(plan, frame.snapshot(), &block.name) {
-            for (cell, state) in (first..).zip(cells) {
-                let [a, b, c] = state.principal;
-                columns[0].1[cell] = (((a - b).powi(2) + (b - c).powi(2) + (c - a).powi(2)) / 2.0).sqrt();
-                columns[1].1[cell] = -(a + b + c) / 3.0;
-                columns[2].1[cell] = state.volume_ratio;
-            }
-        } else if block.kind == CellKind::Line2
-            && let Some(lines) = fibre_states(plan, frame.snapshot(), &block.name)
-            && lines.len() == block.n_cells()
-        {
-            for (cell, state) in (first..).zip(lines) {
-                columns[3].1[cell] = state.stretch;
-                columns[4].1[cell] = state.force;
-            }
-        }
-        first += block.n_cells();
-    }
-    let field = |(name, values): (&'static str, Vec<f64>), components| vtu::Field {
-        name: name.into(),
-        components,
-        values: values.into(),
-    };
-    let mut points = vec![field(("displacement_m", displacement), 3)];
-    if !frame.v.is_empty() {
-        points.push(field(("velocity_m_per_s", frame.v.clone()), 3));
-    }
-    let surfaces: BTreeSet<&str> = plan
-        .islands
-        .iter()
-        .filter_map(|island| island.contact.as_ref())
-        .flat_map(|contact| contact.surfaces.list.iter().map(|s| s.name.as_str()))
-        .collect();
-    if !surfaces.is_empty() {
-        let mut pressure = vec![f64::NAN; plan.mesh.points.len()];
-        for (node, t) in surfaces.iter().flat_map(|s| contact_tractions(plan, frame.snapshot(), s)) {
-            pressure[node as usize] = t.iter().map(|c| c * c).sum::<f64>().sqrt();
-        }
-        points.push(field(("contact_pressure_Pa", pressure), 1));
-    }
-    let filled = columns.into_iter().filter(|(_, values)| values.iter().any(|v| !v.is_nan()));
-    (points, filled.map(|column| field(column, 1)).collect())
 }
 
 fn at(file: &Path, source: std::io::Error) -> OutputError {

@@ -32,6 +32,8 @@ pub enum Sex {
 /// Who was recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
+    /// Name or code.
+    pub name: String,
     /// Body mass \[kg\].
     pub mass: f64,
     /// Standing height \[m\].

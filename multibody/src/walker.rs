@@ -48,7 +48,7 @@ pub fn walker(knee: Knee) -> (Trial, Anatomy) {
     let mut trial = Trial {
         name: "walker".into(),
         side: Side::Right,
-        subject: Subject { mass, height: scalar("height"), sex: Sex::Male },
+        subject: Subject { name: "built-in walker".into(), mass, height: scalar("height"), sex: Sex::Male },
         time: Vec::new(),
         report: PADDING as usize..(PADDING + PERIOD + 1) as usize,
         markers: tracked

@@ -9,7 +9,7 @@ use coupling::scene::Scene;
 use coupling::steps::StepName;
 use coupling::study::{Prepared, Study};
 use fem::geometry::Surface;
-use fem::output::fields;
+use fem::parts::fields;
 use nalgebra::Vector3;
 use serde_json::Value;
 
@@ -40,6 +40,7 @@ fn report(small: &Small) -> CompareReport<'_> {
         Some(Computed { plan, result })
     };
     CompareReport {
+        subject: "S01, male, 70 kg, 1.72 m, right leg",
         name: "two <glutei>",
         thigh: &small.study.thigh,
         bones: &small.prepared.made.as_ref().unwrap().bones,

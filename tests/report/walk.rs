@@ -179,7 +179,7 @@ impl Walk {
             trial: Trial {
                 name: "synthetic walk <test>".into(),
                 side: Side::Right,
-                subject: Subject { mass: 70.0, height: 1.72, sex: Sex::Male },
+                subject: Subject { name: "S01".into(), mass: 70.0, height: 1.72, sex: Sex::Male },
                 time: times.clone(),
                 report: report.clone(),
                 markers: vec![MarkerTrack {
@@ -248,6 +248,7 @@ impl Walk {
             left_out: &self.left_out,
             notes: &self.notes,
             measured: self.overlay.as_ref(),
+            gait2392: None,
         }
     }
 

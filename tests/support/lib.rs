@@ -6,6 +6,7 @@ pub mod contact_scenes;
 pub mod fem_scenes;
 pub mod goldfarb_idnani;
 pub mod motion_cases;
+pub mod results;
 pub mod sharing_cases;
 pub mod sharing_problems;
 pub mod walking;

@@ -13,12 +13,15 @@ use crate::compare::{CompareError, StressFree};
 use crate::error::CommandError;
 use crate::explain::write_calibration;
 use crate::fixed_point::Scheme;
+use crate::number::plain;
 use crate::output::atomic::OutputFolder;
 use crate::output::compare::write_compare;
-use crate::output::run::{InputFile, RunRecord, RunStatus};
+use crate::output::origin::{Again, InputFile};
+use crate::output::run::{RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
 use crate::study::{FOLDERS, Prepared};
+use crate::subject::words;
 use crate::two_way::{MOST_PASSES, Pass, TOLERANCE, write_missing, write_passes};
 
 #[derive(Args)]
@@ -151,9 +154,12 @@ pub(super) fn carry_out(
     let mut record = RunRecord::new(command);
     let mut progress = Progress::new(&scene, asked);
     let prepared = Prepared::new(scene, arguments.data.as_deref(), &mut |stage| progress.lap(stage))?;
+    record.inputs.push(InputFile::of_text(&format!("{}.toml", prepared.scene.name), &prepared.scene.text));
     for file in &prepared.inputs {
         record.inputs.push(InputFile::of(file)?);
     }
+    record.of_trial(&prepared.done.case.trial);
+    record.again = again(command, &prepared, asked, two_way);
     let mut out = OutputFolder::open(folder)?;
     if !arguments.resume {
         for run in FOLDERS {
@@ -174,6 +180,7 @@ pub(super) fn carry_out(
     }
 
     let mut settings = prepared.scene.settings();
+    settings.insert(0, ("Subject".into(), words(&prepared.done.case.trial)));
     if let Some((scheme, most)) = two_way {
         settings.push(("Two-way coupling".into(), format!("{scheme:?}, at most {most} passes")));
     }
@@ -189,6 +196,7 @@ pub(super) fn carry_out(
         |c: usize| study.configurations[c].as_ref().map(|(plan, result)| Computed { plan, result });
     let report = CompareReport {
         name: &prepared.scene.name,
+        subject: &words(&prepared.done.case.trial),
         thigh: &study.thigh,
         bones: prepared.made.as_ref().map_or(&[], |m| &m.bones),
         mid_thigh: prepared.mid_thigh(),
@@ -240,6 +248,32 @@ pub(super) fn carry_out(
     Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
 }
 
+/// What computes the same again: the scene as it was carried out, and its trial.
+fn again(command: &str, prepared: &Prepared, asked: [bool; 2], two_way: Option<(Scheme, usize)>) -> Again {
+    let mut again = Again::default();
+    let trial = again.trial(&prepared.done.case.texts).map(|path| format!("../{path}"));
+    let scene = format!("scene/{}.toml", prepared.scene.name);
+    again.files.insert(scene.clone(), prepared.scene.resolved(trial.as_deref()));
+    again.arguments = vec![command.into(), scene];
+    if command == "compare" {
+        let contact = match asked {
+            [true, true] => "both",
+            [false, _] => "with",
+            [true, false] => "without",
+        };
+        again.arguments.push(format!("--contact={contact}"));
+    }
+    if let Some((scheme, most)) = two_way {
+        let scheme = match scheme {
+            Scheme::IqnIls(_) => "iqn-ils",
+            Scheme::Aitken(_) => "aitken",
+            Scheme::Relaxation(_) => "relaxation",
+        };
+        again.arguments.extend([format!("--two-way={scheme}"), format!("--passes={most}")]);
+    }
+    again
+}
+
 /// One line per pass of two-way coupling.
 fn print_passes(w: &mut impl Write, passes: &Option<Vec<Pass>>) -> std::io::Result<()> {
     for (k, pass) in passes.iter().flatten().enumerate() {
@@ -264,8 +298,9 @@ fn print(
     let elements: usize = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum();
     writeln!(
         w,
-        "{}: {} muscles, {elements} elements, {} nodes",
+        "{} ({}): {} muscles, {elements} elements, {} nodes",
         report.name,
+        report.subject,
         thigh.muscles.len(),
         thigh.mesh.points.len()
     )?;
@@ -273,10 +308,10 @@ fn print(
     for (k, step) in report.steps.iter().enumerate() {
         writeln!(
             w,
-            "\n{} ({:.3} s, knee {:.0} degrees)",
+            "\n{} ({:.3} s, knee {} degrees)",
             step.name.name(),
             step.time,
-            step.knee_flexion.to_degrees()
+            plain(step.knee_flexion.to_degrees(), 0)
         )?;
         writeln!(
             w,
@@ -284,21 +319,23 @@ fn print(
             "muscle", "activation", "rigid N", "FE no contact", "FE contact"
         )?;
         for row in report.rows(k) {
-            let [without, with] = row.fe.map(|f| f.map_or("-".into(), |f| format!("{:.1}", f.total)));
+            let [without, with] = row.fe.map(|f| f.map_or("-".into(), |f| plain(f.total, 1)));
             writeln!(
                 w,
-                "  {:<28}{:>10.3}{:>10.1}{without:>14}{with:>14}",
-                row.muscle, row.activation, row.rigid
+                "  {:<28}{:>10.3}{:>10}{without:>14}{with:>14}",
+                row.muscle,
+                row.activation,
+                plain(row.rigid, 1)
             )?;
         }
         for d in differences.iter().filter(|d| d.step == step.name) {
             writeln!(
                 w,
-                "  {}: mean difference {} N ({:.1} N of all muscles), largest {:.1} N ({}); muscles share {:.1} cm3",
+                "  {}: mean difference {} N ({:.1} N of all muscles), largest {} N ({}); muscles share {:.1} cm3",
                 d.configuration,
-                d.mean.map_or("-".into(), |m| format!("{m:.1}")),
+                d.mean.map_or("-".into(), |m| plain(m, 1)),
                 d.mean_of_all,
-                d.largest,
+                plain(d.largest, 1),
                 d.largest_muscle,
                 d.shared_volume
             )?;

@@ -15,9 +15,11 @@ use multibody::model::Model;
 use super::Outcome;
 use super::optimize::find_trial;
 use crate::error::CommandError;
+use crate::number::short;
 use crate::optimize::{Case, OptimizeOptions};
 use crate::output::mesh::write_mesh;
-use crate::output::run::{InputFile, RunRecord, RunStatus};
+use crate::output::origin::InputFile;
+use crate::output::run::{RunRecord, RunStatus};
 use crate::registration::{MeshFrames, Registration};
 use crate::report::mesh::{MeshReport, MeshSummary};
 use crate::steps::{RigidMuscle, rigid_muscles_standing};
@@ -121,7 +123,7 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     let settings = [
         ("Sections".to_string(), if stem.is_some() { name.clone() } else { "built-in thigh".into() }),
         ("Subject".to_string(), subject),
-        ("Resolution".to_string(), format!("{} mm", arguments.resolution)),
+        ("Resolution".to_string(), format!("{} mm", short(arguments.resolution))),
         ("Bones".to_string(), bone_names),
         ("Rounds of separation".to_string(), built.rounds.to_string()),
     ];

@@ -14,6 +14,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::CommandError;
+use crate::output::origin::version;
 
 /// How a command ended when it did run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +50,7 @@ impl RunArguments {
 }
 
 #[derive(Parser)]
-#[command(name = "sartorius", version, about, long_about = None)]
+#[command(name = "sartorius", version = version(), about, long_about = None)]
 #[command(about = "Rigid lower limb and deformable thigh: gait steps, muscle forces, contact")]
 struct Arguments {
     #[command(subcommand)]

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use multibody::model::Ankle;
 use multibody::muscle::curves::{Curves, DeGroote2016};
@@ -13,10 +14,14 @@ use multibody::trial_file::HipRule;
 
 use super::Outcome;
 use crate::error::CommandError;
+use crate::number::{plain, short};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
-use crate::output::run::{InputFile, RunRecord, RunStatus};
+use crate::output::opensim;
+use crate::output::origin::{Again, InputFile};
+use crate::output::run::{RunRecord, RunStatus};
 use crate::output::write_optimize;
 use crate::report::{MuscleInfo, OptimizeReport, Summary};
+use crate::subject::words;
 
 #[derive(Args)]
 pub struct OptimizeArguments {
@@ -152,10 +157,35 @@ impl OptimizeArguments {
         })
     }
 
+    /// What computes the same again, every option named.
+    fn again(&self, done: &Optimized) -> Again {
+        let mut again = Again::default();
+        let name = |value: &dyn Fn() -> Option<PossibleValue>| {
+            value().expect("none is hidden").get_name().to_string()
+        };
+        let mut options: Vec<(&str, String)> = vec![
+            ("cost", name(&|| self.cost.to_possible_value())),
+            ("joint-weights", name(&|| self.joint_weights.to_possible_value())),
+            ("curves", name(&|| self.curves.to_possible_value())),
+            ("tendon", name(&|| self.tendon.to_possible_value())),
+            ("ankle", word(done.case.ankle).into()),
+        ];
+        let number = |v: f64| format!("{v:?}");
+        options.extend(self.hip_centre.map(|h| ("hip-centre", name(&|| h.to_possible_value()))));
+        options.extend(self.reserves.map(|w| ("reserves", number(w))));
+        options.extend(self.raise_bounds.map(|f| ("raise-bounds", number(f))));
+        options.extend(self.measured.as_ref().map(|file| ("measured", file.to_string_lossy().into_owned())));
+        let trial = again.trial(&done.case.texts);
+        again.arguments.push("optimize".into());
+        again.arguments.extend(trial);
+        again.arguments.extend(options.into_iter().map(|(option, value)| format!("--{option}={value}")));
+        again.arguments.extend(self.unbounded.then(|| "--unbounded".into()));
+        again
+    }
+
     /// Settings as shown in the report and kept in `run.json`.
     fn settings(&self, done: &Optimized) -> Vec<(String, String)> {
         let case = &done.case;
-        let word = |v: &dyn std::fmt::Display| v.to_string();
         let ankle = match case.ankle {
             Ankle::Universal => "universal (2 degrees of freedom)",
             Ankle::Parallel => "parallel (1 degree of freedom)",
@@ -173,9 +203,9 @@ impl OptimizeArguments {
             if self.unbounded { "none (published form)" } else { "maximal isometric forces of gait2392" };
         let raised = self
             .raise_bounds
-            .map_or("never".into(), |limit| format!("by up to {limit} where a frame is infeasible"));
-        let reserves = self.reserves.map_or("none".into(), |w| format!("weight {w} 1/(N·m)²"));
-        let force_hz = case.filters.force_hz.map_or("none".into(), |hz| format!("{hz} Hz"));
+            .map_or("never".into(), |limit| format!("by up to {} where a frame is infeasible", short(limit)));
+        let reserves = self.reserves.map_or("none".into(), |w| format!("weight {} 1/(N·m)²", short(w)));
+        let force_hz = case.filters.force_hz.map_or("none".into(), |hz| format!("{} Hz", short(hz)));
         let curves = match self.curves {
             CurveChoice::Thelen => "Thelen 2003, gait2392 parameters",
             CurveChoice::Degroote => "De Groote et al. 2016",
@@ -193,9 +223,9 @@ impl OptimizeArguments {
             ("Bounds of muscle forces", bounds.into()),
             ("Bounds raised", raised),
             ("Reserves", reserves),
-            ("Low-pass of velocities and accelerations", format!("{} Hz", word(&case.filters.motion_hz))),
+            ("Low-pass of velocities and accelerations", format!("{} Hz", short(case.filters.motion_hz))),
             ("Low-pass of ground reaction", force_hz),
-            ("Contact threshold", format!("{} N", word(&case.filters.contact_threshold))),
+            ("Contact threshold", format!("{} N", short(case.filters.contact_threshold))),
             ("Muscle curves", curves.into()),
             ("Tendons", tendon.into()),
         ]
@@ -244,6 +274,7 @@ pub fn run(arguments: &OptimizeArguments) -> Result<Outcome, CommandError> {
         left_out: &left_out(arguments),
         notes: &notes(&done),
         measured: done.measured.as_ref(),
+        gait2392: Some(&opensim::motion(&done.model, &done.motion, done.case.trial.side)),
     };
     let folder = match &arguments.out {
         Some(folder) => folder.clone(),
@@ -283,7 +314,8 @@ fn record(
     for (name, took) in &done.stages {
         record.stage(name, *took);
     }
-    record.threads = rayon::current_num_threads();
+    record.of_trial(&done.case.trial);
+    record.again = arguments.again(done);
     let fit: usize = done.motion.fit.iter().map(|f| f.iterations).sum();
     let sharing: u64 = done.effort.verdicts.iter().map(|v| u64::from(v.iterations)).sum();
     record.iterations = [("marker fit".to_string(), fit as u64), ("sharing".to_string(), sharing)].into();
@@ -325,6 +357,14 @@ fn notes(done: &Optimized) -> Vec<String> {
         100.0 * overall.length_limited
     ));
     notes
+}
+
+/// The ankle as its option names it.
+fn word(ankle: Ankle) -> &'static str {
+    match ankle {
+        Ankle::Universal => "universal",
+        Ankle::Parallel => "parallel",
+    }
 }
 
 /// What makes these results less certain than others.
@@ -387,22 +427,17 @@ fn print(
     folder: &Path,
     n_files: usize,
 ) -> std::io::Result<()> {
-    let subject = &done.case.trial.subject;
     writeln!(
         out,
-        "{}: {} of {} frames solved ({:.1} kg, {:.2} m, {} ankle)",
+        "{}: {} of {} frames solved ({}, {} ankle)",
         done.case.trial.name,
         summary.solved,
         summary.frames,
-        subject.mass,
-        subject.height,
-        match done.case.ankle {
-            Ankle::Universal => "universal",
-            Ankle::Parallel => "parallel",
-        }
+        words(&done.case.trial),
+        word(done.case.ankle)
     )?;
     let show = |value: Option<f64>, unit: &str, digits: usize| {
-        value.map_or("-".to_string(), |v| format!("{v:.digits$} {unit}"))
+        value.map_or("-".to_string(), |v| format!("{} {unit}", plain(v, digits)))
     };
     writeln!(out, "  marker residual        {} RMS", show(summary.marker_rms_mm, "mm", 2))?;
     writeln!(
@@ -433,10 +468,11 @@ fn print(
         for (name, a) in curves {
             writeln!(
                 out,
-                "    {name:<8} RMSE {:.0} N = {:.2} BW, R² {}, peak error {:+.0} N = {:+.2} BW",
+                "    {name:<8} RMSE {:.0} N = {:.2} BW, 1 - SSE/SST {}, squared correlation {}, peak error {:+.0} N = {:+.2} BW",
                 a.rmse_N,
                 a.rmse_bw,
-                a.r2.map_or("-".into(), |r| format!("{r:.2}")),
+                a.determination.map_or("-".into(), |r| plain(r, 2)),
+                a.squared_correlation.map_or("-".into(), |r| plain(r, 2)),
                 a.peak_error_N,
                 a.peak_error_bw
             )?;

@@ -9,6 +9,7 @@ use super::atomic::OutputFolder;
 use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
+use crate::number::plain;
 use crate::report::compare::{CompareReport, compare_page};
 use crate::study::FOLDERS;
 
@@ -22,20 +23,19 @@ pub fn write_compare(
     for (c, name) in ["fe_forces_no_contact", "fe_forces_contact"].into_iter().enumerate() {
         let file = format!("{name}.sto");
         match forces(report, |row| row.fe[c].map_or(f64::NAN, |f| f.total)) {
-            series if report.configurations[c].is_some() => {
-                out.write(&file, |w| sto::write(w, &format!("{} {name}", report.name), &series, false))?
-            }
+            series if report.configurations[c].is_some() => out.write(&file, |w| {
+                sto::write(w, &format!("{} {name} ({})", report.name, report.subject), &series, false)
+            })?,
             _ => out.remove(&file)?,
         }
     }
     let rigid = forces(report, |row| row.rigid);
     out.write("rigid_forces.sto", |w| {
-        sto::write(w, &format!("{} rigid_forces", report.name), &rigid, false)
+        sto::write(w, &format!("{} rigid_forces ({})", report.name, report.subject), &rigid, false)
     })?;
     let page = compare_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = serde_json::to_value(report.differences()).ok();
-    record.threads = rayon::current_num_threads();
     record.files = out.files().to_vec();
     for folder in FOLDERS {
         // What a killed run would have gone on from.
@@ -77,7 +77,7 @@ fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()>
     )?;
     for (k, step) in report.steps.iter().enumerate() {
         for row in report.rows(k) {
-            let number = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.3}"));
+            let number = |v: Option<f64>| v.map_or(String::new(), |v| plain(v, 3));
             let parts = row.fe[1].or(row.fe[0]);
             let columns = [
                 number(Some(row.rigid)),

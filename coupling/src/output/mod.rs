@@ -3,6 +3,8 @@
 pub mod atomic;
 pub mod compare;
 pub mod mesh;
+pub mod opensim;
+pub mod origin;
 pub mod run;
 pub mod sto;
 pub mod tables;
@@ -14,6 +16,7 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::report::OptimizeReport;
+use crate::subject::words;
 use atomic::OutputFolder;
 use run::RunRecord;
 use tables::Series;
@@ -62,6 +65,7 @@ pub fn write_optimize(
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
     let name = &report.trial.name;
+    let who = words(report.trial);
     let mut out = OutputFolder::open(folder)?;
 
     let kinematics = tables::kinematics(report.motion);
@@ -77,13 +81,26 @@ pub fn write_optimize(
     write_if_any(&mut out, "reserves", tables::reserves(report.effort))?;
     write_if_any(&mut out, "measured_knee", report.measured.map(tables::measured_knee))?;
 
-    for (file, series, degrees) in [
-        ("kinematics", tables::angles(report.motion), true),
-        ("muscle_forces", forces.without_units(), false),
-        ("activations", activations, false),
-    ] {
-        out.write(&format!("{file}.sto"), |w| sto::write(w, &format!("{name} {file}"), &series, degrees))?;
+    let side = report.trial.side;
+    let forces = forces.without_units();
+    let generic_forces = opensim::renamed(&forces, side);
+    let generic_activations = opensim::renamed(&activations, side);
+    let angles = tables::angles(report.motion);
+    let mut storage = vec![
+        ("kinematics.sto", &angles, true),
+        ("muscle_forces.sto", &forces, false),
+        ("activations.sto", &activations, false),
+        ("gait2392_muscle_forces.sto", &generic_forces, false),
+        ("gait2392_activations.sto", &generic_activations, false),
+    ];
+    storage.extend(report.gait2392.map(|motion| ("gait2392_motion.mot", motion, true)));
+    for (file, series, degrees) in storage {
+        let stem = file.split('.').next().unwrap_or(file);
+        out.write(file, |w| sto::write(w, &format!("{name} {stem} ({who})"), series, degrees))?;
     }
+    let names = std::iter::zip(&report.effort.forces.columns, report.muscles);
+    let names: Vec<(&str, &str)> = names.map(|(name, m)| (name.as_str(), m.full_name.as_str())).collect();
+    out.write("gait2392_names.csv", |w| opensim::write_names(w, &names, side))?;
     let page = crate::report::optimize_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
 

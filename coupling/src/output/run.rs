@@ -1,15 +1,13 @@
-//! `run.json`: verdict, versions, settings, seconds per stage, peak memory and what was read.
+//! `run.json`: verdict, what computed it when and where, from what, how to compute it again, and what it cost.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{self, Read};
-use std::path::Path;
 use std::time::Duration;
 
+use multibody::trial::Trial;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
-use super::OutputError;
+use super::origin::{Again, InputFile, Machine, Program, now};
+use crate::subject::words;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -19,41 +17,6 @@ pub enum RunStatus {
     Solved,
     /// Something did not converge or a verdict failed; exit code 3.
     NotConverged,
-}
-
-/// One file that was read.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct InputFile {
-    /// File name without its folder, so that the record does not depend on where the data lie.
-    pub name: String,
-    /// Size in bytes.
-    pub bytes: u64,
-    /// SHA-256 of the content, hexadecimal; the number that `sha256sum` prints.
-    pub sha256: String,
-}
-
-impl InputFile {
-    /// Reads the whole file once, in pieces.
-    pub fn of(path: &Path) -> Result<InputFile, OutputError> {
-        let mut digest = Sha256::new();
-        let mut bytes = 0;
-        let mut read = || -> io::Result<()> {
-            let mut file = File::open(path)?;
-            let mut buffer = vec![0; 1 << 16];
-            loop {
-                let n = file.read(&mut buffer)?;
-                if n == 0 {
-                    return Ok(());
-                }
-                digest.update(&buffer[..n]);
-                bytes += n as u64;
-            }
-        };
-        read().map_err(|e| OutputError::at("read", path, e))?;
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        let sha256 = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(InputFile { name, bytes, sha256 })
-    }
 }
 
 /// The content of `run.json`.
@@ -67,8 +30,20 @@ pub struct RunRecord {
     pub reason: Option<String>,
     /// The numbers that decide: the summary that heads the report.
     pub verdict: Option<serde_json::Value>,
-    /// Name and version of what computed this.
-    pub versions: BTreeMap<String, String>,
+    /// Name of the trial.
+    pub trial: Option<String>,
+    /// Who was recorded.
+    pub subject: Option<String>,
+    /// What computed this.
+    pub program: Program,
+    /// When it began, in UTC.
+    pub date: String,
+    /// Where it was computed.
+    pub machine: Machine,
+    /// The command line as it was typed.
+    pub command_line: Vec<String>,
+    /// What computes the same again.
+    pub again: Again,
     /// Every setting that was in force, as the command line understood it.
     pub settings: serde_json::Value,
     /// Files that were read.
@@ -89,24 +64,32 @@ pub struct RunRecord {
 impl RunRecord {
     /// An empty record of a solved run of `command` by this version of the program.
     pub fn new(command: &str) -> RunRecord {
-        let versions = BTreeMap::from([
-            ("sartorius".to_string(), env!("CARGO_PKG_VERSION").to_string()),
-            ("platform".to_string(), format!("{} {}", std::env::consts::OS, std::env::consts::ARCH)),
-        ]);
         RunRecord {
             command: command.to_string(),
             status: RunStatus::Solved,
             reason: None,
             verdict: None,
-            versions,
+            trial: None,
+            subject: None,
+            program: Program::this(),
+            date: now(),
+            machine: Machine::this(),
+            command_line: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
+            again: Again::default(),
             settings: serde_json::Value::Null,
             inputs: Vec::new(),
             seconds: Vec::new(),
-            threads: 1,
+            threads: rayon::current_num_threads(),
             iterations: BTreeMap::new(),
             peak_memory_mib: None,
             files: Vec::new(),
         }
+    }
+
+    /// Names the trial and its subject.
+    pub fn of_trial(&mut self, trial: &Trial) {
+        self.trial = Some(trial.name.clone());
+        self.subject = Some(words(trial));
     }
 
     /// Notes the wall time of a stage.
@@ -126,22 +109,4 @@ pub fn peak_memory_mib() -> Option<f64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib / 1024.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_hash_is_the_published_one() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("abc.txt");
-        std::fs::write(&path, "abc").unwrap();
-        let input = InputFile::of(&path).unwrap();
-        // FIPS 180-2, appendix B.1
-        assert_eq!(input.sha256, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-        assert_eq!((input.name.as_str(), input.bytes), ("abc.txt", 3));
-        let error = InputFile::of(&dir.path().join("absent.c3d")).unwrap_err().to_string();
-        assert!(error.contains("absent.c3d"), "{error}");
-    }
 }

@@ -2,13 +2,12 @@
 
 use std::fmt::Write;
 
-use multibody::trial::{Sex, Side};
-
 use super::groups::grouped;
 use super::optimize::{Mark, View};
 use super::page::{grid, label_table, section, table};
-use super::svg::{escape, extent, fixed, significant};
-use super::{column, greatest};
+use super::svg::{escape, extent, fixed};
+use super::{GRAVITY, column, greatest};
+use crate::subject::words;
 
 impl View<'_> {
     pub(super) fn details(&self) -> String {
@@ -30,9 +29,10 @@ impl View<'_> {
         ];
         content.push_str(&grid("half", &lists));
         let _ = write!(content, "<h3>Muscles</h3>\n{}", self.muscle_table());
-        content.push_str(
-            "<footer>Axes: x forward, y up, z to the right; a left leg is mirrored. Body weight: mass × 9.80665 m/s². \
-             The numbers behind the figures stand in the CSV and STO files beside this page, times and versions in run.json.</footer>",
+        let _ = write!(
+            content,
+            "<footer>Axes: x forward, y up, z to the right; a left leg is mirrored. Body weight: mass × {GRAVITY} m/s². \
+             The numbers behind the figures stand in the CSV and STO files beside this page; what is needed to compute them again, with date and version, in run.json.</footer>"
         );
         section("Details", "", &content)
     }
@@ -72,34 +72,21 @@ impl View<'_> {
         )
     }
 
-    /// Leg, subject and frames in one line.
+    /// Subject, leg and frames in one line.
     pub(super) fn who(&self) -> String {
         let rows = self.subject();
         let value = |label: &str| rows.iter().find(|row| row.0 == label).map_or("", |row| row.1.as_str());
-        format!("{} leg · {} · frames: {}", value("Leg"), value("Subject"), value("Frames"))
+        format!("{} · frames: {}", value("Subject"), value("Frames"))
     }
 
     fn subject(&self) -> Vec<(String, String)> {
         let (trial, loads) = (self.report.trial, self.report.loads);
-        let subject = &trial.subject;
-        let sex = match subject.sex {
-            Sex::Male => "male",
-            Sex::Female => "female",
-        };
-        let side = match trial.side {
-            Side::Right => "right",
-            Side::Left => "left (mirrored)",
-        };
         let time = &self.report.effort.time;
         let (first, last) =
             (time.first().copied().unwrap_or(f64::NAN), time.last().copied().unwrap_or(f64::NAN));
         let mut rows = vec![
             ("Trial".to_string(), trial.name.clone()),
-            ("Leg".into(), side.into()),
-            (
-                "Subject".into(),
-                format!("{sex}, {} kg, {} m", significant(subject.mass, 3), fixed(subject.height, 2)),
-            ),
+            ("Subject".into(), words(trial)),
             ("Frames".into(), format!("{}, {} to {} s", time.len(), fixed(first, 3), fixed(last, 3))),
             ("Markers".into(), trial.markers.len().to_string()),
         ];

@@ -106,8 +106,8 @@ impl View<'_> {
             rows.push(vec![
                 capital(name),
                 both(a.rmse_N),
-                optional(a.r2),
-                optional(a.correlation),
+                optional(a.determination),
+                optional(a.squared_correlation),
                 both(a.peak_measured_N),
                 both(a.peak_model_N),
                 both(a.peak_error_N),
@@ -117,16 +117,17 @@ impl View<'_> {
         let header = [
             "",
             "RMSE, N (BW)",
-            "R²",
-            "correlation",
+            "1 − SSE/SST",
+            "squared correlation",
             "measured peak, N (BW)",
             "model peak, N (BW)",
             "peak error, N (BW)",
             "largest error, N (BW)",
         ];
         let lead = format!(
-            "Instrumented knee, interpolated linearly to {} frames; {} frames could not be compared. R² = 1 − SSE/SST of the measurement, \
-             so an offset counts against it; correlation ignores offset and scale.",
+            "Instrumented knee, interpolated linearly to {} frames; {} frames could not be compared. Both of the next two are called R² in the literature: 1 − SSE/SST, \
+             the share of the measurement's variance that is met, counts an offset and a wrong scale against the model, and is negative where its mean would be better; \
+             the squared correlation ignores offset and scale.",
             overlay.time.len(),
             overlay.frames_left_out
         );

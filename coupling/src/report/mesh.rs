@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::anatomy::{self, View};
 use super::page::{document, label_table, section, table};
 use super::svg::{escape, fixed};
+use crate::number::short;
 use crate::thigh::build::Thigh;
 use crate::thigh::inventory::{Hold, MuscleInventory};
 
@@ -138,7 +139,7 @@ fn headline(report: &MeshReport, s: &MeshSummary) -> String {
             "Least gap",
             fixed(s.least_gap_mm.unwrap_or(f64::NAN), 3),
             "mm",
-            format!("between two muscles; wanted {}", GOALS.gap * 1e3),
+            format!("between two muscles; wanted {}", short(GOALS.gap * 1e3)),
         ),
         (
             "Off the sections' surface",

@@ -21,6 +21,7 @@ use multibody::trial::{Effort, Loads, Motion, Status, Table, Trial};
 use serde::Serialize;
 
 use crate::measured::{Agreement, Overlay};
+use crate::output::tables::Series;
 
 pub use optimize::optimize_page;
 
@@ -66,6 +67,8 @@ pub struct OptimizeReport<'a> {
     pub notes: &'a [String],
     /// Comparison with an instrumented knee.
     pub measured: Option<&'a Overlay>,
+    /// The motion in coordinates of OpenSim's gait2392; absent where there is no model of the leg.
+    pub gait2392: Option<&'a Series>,
 }
 
 /// The numbers that decide: head of the report, verdict of `run.json`, output of `--json`.

@@ -183,7 +183,7 @@ impl Plot<'_> {
             let hi = self.bound.map_or(hi, |(v, _)| hi.max(v)).max(LOG_FLOOR);
             let (lo, hi) = (lo.max(LOG_FLOOR).log10().floor(), hi.log10().ceil());
             let hi = hi.max(lo + 1.0);
-            return Vertical { lo, hi, log: true, ticks: Ticks::new(lo, hi, wanted) };
+            return Vertical { lo, hi, log: true, ticks: Ticks::whole(lo, hi, wanted) };
         }
         let (mut lo, mut hi) = range.unwrap_or((0.0, 1.0));
         if self.scale == Scale::FromZero {

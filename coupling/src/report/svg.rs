@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+pub use crate::number::{fixed, significant};
+
 /// Text that is safe inside HTML and inside quoted attributes.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -28,31 +30,6 @@ pub fn px(value: f64) -> String {
     }
 }
 
-/// A number for people: fixed decimals, a real minus sign, an en dash where there is none.
-pub fn fixed(value: f64, decimals: usize) -> String {
-    if !value.is_finite() {
-        return "–".into();
-    }
-    let text = format!("{value:.decimals$}");
-    match text.strip_prefix('-') {
-        Some(rest) if rest.bytes().any(|b| b.is_ascii_digit() && b != b'0') => format!("−{rest}"),
-        Some(rest) => rest.into(),
-        None => text,
-    }
-}
-
-/// A number for people with about `digits` significant digits.
-pub fn significant(value: f64, digits: usize) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return fixed(value, 0);
-    }
-    let exponent = value.abs().log10().floor();
-    if !(-3.0..6.0).contains(&exponent) {
-        return format!("{value:.*e}", digits.saturating_sub(1)).replace('-', "−");
-    }
-    fixed(value, (digits as f64 - 1.0 - exponent).max(0.0) as usize)
-}
-
 /// Round positions for ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ticks {
@@ -65,7 +42,15 @@ pub struct Ticks {
 impl Ticks {
     /// About `wanted` ticks within `lo..=hi`, on multiples of 1, 2 or 5 times a power of ten.
     pub fn new(lo: f64, hi: f64, wanted: usize) -> Ticks {
-        let step = round_step((hi - lo) / wanted.max(1) as f64);
+        Ticks::every(round_step((hi - lo) / wanted.max(1) as f64), lo, hi)
+    }
+
+    /// [`Ticks::new`] on whole numbers: the exponents of a scale of decades.
+    pub fn whole(lo: f64, hi: f64, wanted: usize) -> Ticks {
+        Ticks::every(round_step((hi - lo) / wanted.max(1) as f64).max(1.0), lo, hi)
+    }
+
+    fn every(step: f64, lo: f64, hi: f64) -> Ticks {
         let (first, last) = ((lo / step - 1e-9).ceil(), (hi / step + 1e-9).floor());
         let count = (last - first).clamp(0.0, 100.0) as usize;
         Ticks {
@@ -130,19 +115,16 @@ mod tests {
         let small = Ticks::new(-0.013, 0.031, 4);
         assert_eq!(small.at.iter().map(|&v| small.label(v)).collect::<Vec<_>>(), ["0.00", "0.02"]);
         assert_eq!(Ticks::new(3.0, 3.0, 4).at, [3.0]);
+        let decades = Ticks::whole(-1.0, 0.0, 4);
+        assert_eq!(decades.at.iter().map(|&v| decades.label(v)).collect::<Vec<_>>(), ["−1", "0"]);
+        assert_eq!(Ticks::whole(-18.0, 3.0, 5).at, [-15.0, -10.0, -5.0, 0.0]);
         for (lo, hi) in [(-1e300, 1e300), (0.0, 1e-310), (5.0, -5.0), (0.0, f64::INFINITY)] {
             assert!(Ticks::new(lo, hi, 5).at.len() < 102);
         }
     }
 
     #[test]
-    fn numbers_read_well() {
-        assert_eq!(fixed(-0.04, 1), "0.0");
-        assert_eq!(fixed(-12.345, 1), "−12.3");
-        assert_eq!(fixed(f64::NAN, 1), "–");
-        assert_eq!(significant(1234.5, 3), "1234"); // ties go to even
-        assert_eq!(significant(0.012345, 3), "0.0123");
-        assert_eq!(significant(3.2e-11, 2), "3.2e−11");
+    fn coordinates_and_text_are_safe() {
         assert_eq!((px(1.0), px(-0.001), px(2.345)), ("1".into(), "0".into(), "2.35".into()));
         assert_eq!(escape("<a b=\"c\">&"), "&lt;a b=&quot;c&quot;&gt;&amp;");
     }

@@ -26,6 +26,7 @@
 //!
 //! Every key has the default shown, `surfaces` and `knee_flexion_deg` none. Files are looked for beside the scene, then in `--data`.
 
+mod resolved;
 mod words;
 
 use std::io::Read;

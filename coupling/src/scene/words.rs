@@ -4,6 +4,7 @@ use fem::scene::ContactMode;
 
 use super::{Fibres, Scene};
 use crate::compare::StressFree;
+use crate::number::short;
 use crate::thigh::build::Thigh;
 use crate::thigh::lines::lines_of_muscles;
 
@@ -38,7 +39,7 @@ impl Scene {
             .map(|s| match s.knee_flexion {
                 None => s.name.name().to_string(),
                 Some(angle) => {
-                    format!("{} with the knee flexed by {:.1}°", s.name.name(), angle.to_degrees())
+                    format!("{} with the knee flexed by {}°", s.name.name(), short(angle.to_degrees()))
                 }
             })
             .collect();
@@ -50,12 +51,19 @@ impl Scene {
         [
             ("Trial", trial.map_or("built-in walker".into(), |t| t.to_string_lossy().into_owned())),
             ("Thigh", thigh),
-            ("Resolution", format!("{} mm", self.resolution * 1e3)),
+            ("Resolution", format!("{} mm", short(self.resolution * 1e3))),
             (
                 "Muscles drawn in",
-                format!("by up to {:.1} mm, a third of thickness and width left", self.draw_in * 1e3),
+                format!("by up to {} mm, a third of thickness and width left", short(self.draw_in * 1e3)),
             ),
-            ("Residual", format!("{} N without contact, {} N with", self.residuals[0], self.residuals[1])),
+            (
+                "Residual",
+                format!(
+                    "{} N without contact, {} N with",
+                    short(self.residuals[0]),
+                    short(self.residuals[1])
+                ),
+            ),
             ("Mesh free of stress", stress_free.into()),
             ("Fibres", fibres.into()),
             ("Shells", if self.shells { "around every muscle" } else { "none" }.into()),

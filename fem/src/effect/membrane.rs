@@ -3,7 +3,7 @@
 //! Π = Σ_g h A_g ψ(C_g),   C = FᵀF (2×2) of the in-plane deformation gradient F (3×2).
 //! Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., §9.7 (membranes).
 
-use super::{Effect, Groups, Part, State, mean, point};
+use super::{Effect, Groups, MembraneState, Part, State, mean, point};
 use crate::element::psd::lift;
 use crate::element::shape::Rule;
 use crate::material::membrane::MembraneLaw;
@@ -14,6 +14,7 @@ use rayon::prelude::*;
 pub struct Membrane<const N: usize, const G: usize> {
     groups: Groups,
     law: MembraneLaw,
+    thickness: f64,
     /// ∂N_a/∂X in an orthonormal basis of the tangent plane \[1/m\], at each point of each cell.
     dn: Vec<[[[f64; 2]; N]; G]>,
     /// Thickness times area of each point \[m³\].
@@ -55,7 +56,7 @@ impl<const N: usize, const G: usize> Membrane<N, G> {
             centroids.push(mean(&X));
         }
         let groups = Groups::new(name, Part::Membrane, &nodes, centroids);
-        Ok(Membrane { groups, law, dn: all_dn, w: all_w })
+        Ok(Membrane { groups, law, thickness, dn: all_dn, w: all_w })
     }
 
     fn deformation_gradient(&self, cell: usize, g: usize, x: &[f64]) -> Matrix3x2<f64> {
@@ -106,6 +107,22 @@ impl<const N: usize, const G: usize> Effect for Membrane<N, G> {
             })
             .collect();
         energies.iter().sum()
+    }
+
+    /// h P Fᵀ is the tension times the current over the reference area.
+    fn membrane_state(&self, s: &State, group: usize) -> Option<MembraneState> {
+        let (mut reference, mut area, mut tension) = (0.0, 0.0, nalgebra::Matrix3::zeros());
+        for g in 0..G {
+            let F = self.deformation_gradient(group, g, s.x);
+            let (i1, i2) = invariants(&F);
+            let d = self.law.jet(i1, i2).g;
+            let P = F * (2.0 * d[0]) + det_gradient(&F).0 * d[1];
+            let w = self.w[group][g];
+            reference += w / self.thickness;
+            area += w / self.thickness * i2.sqrt();
+            tension += P * F.transpose() * w;
+        }
+        Some(MembraneState { area_ratio: area / reference, tension: tension / area })
     }
 
     fn forces(&self, s: &State, first: usize, out: &mut [f64]) {

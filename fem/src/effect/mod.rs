@@ -66,6 +66,17 @@ pub struct SolidState {
     pub volume_ratio: f64,
     /// Cauchy stress, mean over the current volume \[Pa\].
     pub cauchy: nalgebra::Matrix3<f64>,
+    /// Mean of F a₀ over the reference volume, a₀ the unit vector along the fibres at rest; absent where the law has none.
+    pub fibre: Option<nalgebra::Vector3<f64>>,
+}
+
+/// Mean state of a membrane cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MembraneState {
+    /// Current over reference area.
+    pub area_ratio: f64,
+    /// Cauchy stress times current thickness \[N/m\]: force per current length, in the plane of the cell; mean over its current area.
+    pub tension: nalgebra::Matrix3<f64>,
 }
 
 /// The groups of nodes over which an effect is a sum, equally many nodes in each: the elements, say.
@@ -145,6 +156,10 @@ pub trait Effect: Send + Sync {
     }
     /// Stretch and axial force \[N\] of a segment; `None` for anything else.
     fn line_state(&self, _s: &State, _group: usize) -> Option<(f64, f64)> {
+        None
+    }
+    /// Mean state of a membrane cell; `None` for anything else.
+    fn membrane_state(&self, _s: &State, _group: usize) -> Option<MembraneState> {
         None
     }
     /// Least det F over the quadrature points and the group where it is; `None` where the effect has no volume.

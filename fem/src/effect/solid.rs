@@ -11,6 +11,10 @@ pub trait LawField: Send + Sync {
     type Law: Material;
     /// Law of element `cell` under the controls of `s`.
     fn law(&self, cell: usize, s: &State) -> Self::Law;
+    /// Direction of the fibres at rest in element `cell`, a unit vector; `None` where the law has none.
+    fn fibre(&self, _cell: usize) -> Option<nalgebra::Vector3<f64>> {
+        None
+    }
 }
 
 /// The same law everywhere.
@@ -122,7 +126,8 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         let element = &self.elements[group];
         let x = self.positions(group, s);
         let cauchy = element.mean_cauchy(self.formulation, &self.field.law(group, s), &x) * self.scale(group);
-        Some(SolidState { volume: element.volume, volume_ratio: element.dilatation(&x), cauchy })
+        let fibre = self.field.fibre(group).map(|a0| element.mean_deformation_gradient(&x) * a0);
+        Some(SolidState { volume: element.volume, volume_ratio: element.dilatation(&x), cauchy, fibre })
     }
 
     fn least_det_f(&self, s: &State) -> Option<(f64, usize)> {

@@ -114,6 +114,12 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
         f
     }
 
+    /// Deformation gradient, mean over the reference volume.
+    pub fn mean_deformation_gradient(&self, x: &[[f64; 3]; N]) -> Matrix3 {
+        let sum = (0..G).fold(Matrix3::zeros(), |sum, g| sum + self.deformation_gradient(g, x) * self.w[g]);
+        sum / self.volume
+    }
+
     /// Cauchy stress \[Pa\], mean over the current volume.
     pub fn mean_cauchy<L: Material>(&self, formulation: Formulation, law: &L, x: &[[f64; 3]; N]) -> Matrix3 {
         let theta = self.dilatation(x);

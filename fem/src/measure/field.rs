@@ -1,7 +1,7 @@
 //! Energies, volumes, stresses of solids, stretch and force of fibres.
 
 use super::Snapshot;
-use crate::effect::State;
+use crate::effect::{MembraneState, State};
 use crate::plan::Plan;
 
 /// Energy of one effect over all islands.
@@ -45,6 +45,8 @@ pub struct SolidField {
     pub cauchy: nalgebra::Matrix3<f64>,
     /// Its principal values, largest first \[Pa\].
     pub principal: [f64; 3],
+    /// Fibre direction times stretch, deformed; absent where the law has no fibres.
+    pub fibre: Option<nalgebra::Vector3<f64>>,
 }
 
 /// State of every cell of a solid region, in the order of its block; `None` where the plan has no such solid.
@@ -58,6 +60,7 @@ pub fn solid_field(plan: &Plan, at: Snapshot, region: &str) -> Option<Vec<SolidF
                 volume_ratio: state.volume_ratio,
                 cauchy: state.cauchy,
                 principal,
+                fibre: state.fibre,
             }
         })
     });
@@ -84,6 +87,12 @@ pub fn fibre_states(plan: &Plan, at: Snapshot, name: &str) -> Option<Vec<FibreSt
     let states = states(plan, at, name, |effect, s, group| {
         effect.line_state(s, group).map(|(stretch, force)| FibreState { stretch, force })
     });
+    (!states.is_empty()).then_some(states)
+}
+
+/// State of every cell of a membrane region, in the order of its block; `None` where the plan has no such membrane.
+pub fn membrane_field(plan: &Plan, at: Snapshot, region: &str) -> Option<Vec<MembraneState>> {
+    let states = states(plan, at, region, |effect, s, group| effect.membrane_state(s, group));
     (!states.is_empty()).then_some(states)
 }
 

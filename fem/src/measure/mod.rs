@@ -4,7 +4,8 @@ mod field;
 mod section;
 
 pub use field::{
-    EffectEnergy, FibreState, SolidField, energies, fibre_states, kinetic_energy, solid_field, volume,
+    EffectEnergy, FibreState, SolidField, energies, fibre_states, kinetic_energy, membrane_field,
+    solid_field, volume,
 };
 pub use section::{Cut, SectionForce, section_force};
 

@@ -51,6 +51,8 @@ pub struct Plan {
     pub effects: Vec<(String, usize)>,
     /// What was changed in the mesh so that no surfaces touch at the start.
     pub repair: Repair,
+    /// Regions of lines that are strands, not fibres.
+    pub strands: std::collections::BTreeSet<String>,
     /// Kinds of effects that the scene does not call for.
     pub absent: Vec<&'static str>,
 }
@@ -71,7 +73,20 @@ impl Plan {
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
         let absent = absent(scene);
-        Ok(Plan { mesh, controls, bodies, islands, motion, weights, inertia, effects, repair, absent })
+        let strands = scene.strands.iter().map(|s| s.region.clone()).collect();
+        Ok(Plan {
+            strands,
+            mesh,
+            controls,
+            bodies,
+            islands,
+            motion,
+            weights,
+            inertia,
+            effects,
+            repair,
+            absent,
+        })
     }
 
     /// Compiles a scene file over the mesh that it names.

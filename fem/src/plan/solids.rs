@@ -33,6 +33,10 @@ impl LawField for Field {
             law => law,
         }
     }
+
+    fn fibre(&self, cell: usize) -> Option<Vector3<f64>> {
+        self.directions.get(cell).copied()
+    }
 }
 
 impl Field {

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::{
-    MarkerRecording, TimeSeries, c3d, decode, ending, file_bytes, read_knee_forces, read_series, read_trc,
+    MarkerRecording, TimeSeries, c3d, decode, ending, file_bytes, is_knee_forces, read_knee_forces,
+    read_series, read_trc,
 };
 use crate::error::InputError;
 use crate::natural::SegmentId;
@@ -59,7 +60,7 @@ pub fn check(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
 fn table(path: &Path) -> Result<String, InputError> {
     let bytes = file_bytes(path)?;
     let text = decode(path, &bytes)?;
-    if text.starts_with("Time(sec)") || text.starts_with("time_s,medial_N") {
+    if is_knee_forces(text) {
         let forces = read_knee_forces(path)?;
         let peak = |v: &[f64]| v.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         return Ok(format!(

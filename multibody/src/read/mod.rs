@@ -18,6 +18,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 pub use check::check;
+use knee_forces::is_knee_forces;
 pub use knee_forces::{KneeForces, read_knee_forces};
 pub use parameters::{Parameter, Parameters, Values};
 pub use plate::{ForcePlate, PlateLoad};

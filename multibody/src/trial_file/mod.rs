@@ -312,7 +312,8 @@ impl TrialFile {
 
     /// Who was recorded.
     pub fn subject(&self) -> Subject {
-        Subject { mass: self.subject.mass_kg, height: self.subject.height_m, sex: self.subject.sex }
+        let SubjectEntry { name, mass_kg, height_m, sex, .. } = &self.subject;
+        Subject { name: name.clone(), mass: *mass_kg, height: *height_m, sex: *sex }
     }
 
     /// Hip centre, with the default of the source.

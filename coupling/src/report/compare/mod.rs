@@ -38,6 +38,8 @@ pub struct Computed<'a> {
 pub struct CompareReport<'a> {
     /// Name of the scene.
     pub name: &'a str,
+    /// Who was recorded.
+    pub subject: &'a str,
     /// Mesh and muscles.
     pub thigh: &'a Thigh,
     /// Bones, where the mesh has them.

@@ -1,10 +1,10 @@
 //! What the viewer colours the muscles by: values at the nodes.
 //!
-//! Values of cells ([`fem::output::fields`]) become values of nodes as the mean over the cells of one muscle around them.
+//! Values of cells ([`fem::parts::fields`]) become values of nodes as the mean over the cells of one muscle around them.
 
 use fem::geometry::{SearchSurface, SignedDistance, Surface};
 use fem::measure::contact_tractions;
-use fem::output::fields;
+use fem::parts::fields;
 use fem::plan::Plan;
 use fem::run::Frame;
 use nalgebra::Vector3;

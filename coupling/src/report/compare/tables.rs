@@ -29,7 +29,8 @@ pub(super) fn headline(report: &CompareReport) -> String {
         .collect();
     let _ = writeln!(
         out,
-        "<p class=\"subtitle\">{} muscles, {elements} elements, {} nodes; {}</p>",
+        "<p class=\"subtitle\">{}; {} muscles, {elements} elements, {} nodes; {}</p>",
+        escape(report.subject),
         report.thigh.muscles.len(),
         mesh.points.len(),
         escape(&steps.join("; "))

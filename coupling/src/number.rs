@@ -1,0 +1,83 @@
+//! Numbers for people: console, page, settings. Tables of results are not rounded here.
+
+/// Fixed decimals, a real minus sign, an en dash where there is no number; what rounds to zero has no sign.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    plain(value, decimals).replace('-', "−")
+}
+
+/// [`fixed`] in ASCII, for the terminal and for files that are read by programs.
+pub fn plain(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return "-".into();
+    }
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(rest) if !rest.bytes().any(|b| (b'1'..=b'9').contains(&b)) => rest.into(),
+        _ => text,
+    }
+}
+
+/// About `digits` significant digits, a real minus sign.
+pub fn significant(value: f64, digits: usize) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return fixed(value, 0);
+    }
+    let exponent = value.abs().log10().floor();
+    if !(-3.0..6.0).contains(&exponent) {
+        return format!("{value:.*e}", digits.saturating_sub(1)).replace('-', "−");
+    }
+    fixed(value, (digits as f64 - 1.0 - exponent).max(0.0) as usize)
+}
+
+/// A setting as a person would write it: six significant digits at most, no trailing zeros, ASCII.
+pub fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return plain(value, 0);
+    }
+    // Rounded first: 999999.7 has seven digits before the point afterwards.
+    let rounded: f64 = format!("{value:.5e}").parse().expect("a printed number");
+    match (1e-4..1e6).contains(&rounded.abs()) {
+        true => format!("{rounded}"),
+        false => format!("{rounded:e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(fixed(-0.04, 1), "0.0");
+        assert_eq!(fixed(-12.345, 1), "−12.3");
+        assert_eq!(fixed(f64::NAN, 1), "–");
+        assert_eq!(
+            (plain(-0.04, 1), plain(-0.06, 1), plain(-0.0, 0)),
+            ("0.0".into(), "-0.1".into(), "0".into())
+        );
+        assert_eq!(significant(1234.5, 3), "1234"); // ties go to even
+        assert_eq!(significant(0.012345, 3), "0.0123");
+        assert_eq!(significant(3.2e-11, 2), "3.2e−11");
+    }
+
+    #[test]
+    fn settings_read_as_they_were_written() {
+        for (value, words) in [
+            (0.018 * 1e3, "18"), // 18.000000000000004 without
+            (0.1 + 0.2, "0.3"),
+            (-0.0, "0"),
+            (12.5, "12.5"),
+            (1e-3, "0.001"),
+            (2e-5, "2e-5"),
+            (999_999.7, "1e6"),
+            (100.0, "100"),
+            (-2.0 / 3.0, "-0.666667"),
+            (f64::NAN, "-"),
+        ] {
+            assert_eq!(short(value), words);
+        }
+    }
+}

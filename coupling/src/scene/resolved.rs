@@ -1,0 +1,58 @@
+//! A scene as it was carried out, for `run.json`: every key with its value, what the command line put in its place included.
+
+use fem::scene::ContactMode;
+use toml::{Table, Value};
+
+use super::Scene;
+
+impl Scene {
+    /// The scene as TOML; read back, it is carried out to the same bytes. `trial`: path of its trial file from there, none for the
+    /// built-in walker.
+    pub fn resolved(&self, trial: Option<&str>) -> String {
+        let mut keys: Table = toml::from_str(&self.text).expect("it was read");
+        let muscles = match (self.deformable, self.muscles.is_empty()) {
+            (false, _) => "none".into(),
+            (true, true) => "all".into(),
+            (true, false) => Value::from(self.muscles.clone()),
+        };
+        keys.insert("trial".into(), trial.unwrap_or("walker").into());
+        keys.insert("muscles".into(), muscles);
+        keys.insert("resolution_mm".into(), in_millimetres(self.resolution).into());
+        keys.entry("draw_in_mm").or_insert(in_millimetres(self.draw_in).into());
+        keys.insert("stress_free".into(), Value::try_from(self.stress_free).expect("a word"));
+        let [without, with] = self.residuals;
+        let accuracy = section(&mut keys, "accuracy");
+        accuracy.entry("residual_n").or_insert(without.into());
+        accuracy.entry("contact_residual_n").or_insert(with.into());
+        let effects = section(&mut keys, "effects");
+        effects.insert("fibres".into(), Value::try_from(self.fibres).expect("a word"));
+        effects.entry("shells").or_insert(self.shells.into());
+        let contact = match self.contact {
+            Some(ContactMode::Guarded) => "guarded",
+            Some(ContactMode::Cheap) => "cheap",
+            None => "none",
+        };
+        effects.entry("contact").or_insert(contact.into());
+        let steps = self
+            .steps
+            .iter()
+            .map(|s| Value::from(Table::from_iter([("name".into(), Value::from(s.name.name()))])));
+        keys.entry("step").or_insert(Value::Array(steps.collect()));
+        toml::to_string(&keys).expect("keys and values of TOML")
+    }
+}
+
+/// A section of the file, made where it is absent.
+fn section<'a>(keys: &'a mut Table, name: &str) -> &'a mut Table {
+    let section = keys.entry(name).or_insert(Value::Table(Table::new()));
+    section.as_table_mut().expect("it was read as a section")
+}
+
+/// The number of millimetres that reads back as these metres, to the last bit.
+fn in_millimetres(metres: f64) -> f64 {
+    let near = 1e3 * metres;
+    // As a person wrote it: 18 and not 18.000000000000004.
+    let written: f64 = format!("{near:.14e}").parse().expect("a printed number");
+    let candidates = [written, near, near.next_up(), near.next_down()];
+    candidates.into_iter().find(|mm| mm * 1e-3 == metres).unwrap_or(near)
+}
