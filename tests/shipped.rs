@@ -75,7 +75,7 @@ fn names_work_from_any_folder() {
         (&["optimize", "jw_ngait_og33"], "did you mean `jw_ngait_og3`?"),
         (&["optimize", "quite_unlike"], "DM_ngait_og4"),
         (&["mesh", "--subject", "DM_ngait_og33"], "did you mean `DM_ngait_og3`?"),
-        (&["scenes", "rigid"], "did you mean `rigid_only`?"),
+        (&["scenes", "rigid_onyl"], "did you mean `rigid_only`?"),
         // The file is there, its recordings are not.
         (&["optimize", "jw_ngait_og3"], "--data"),
     ] {

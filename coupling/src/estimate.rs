@@ -135,7 +135,9 @@ impl Work {
     /// As a plan has them; what contact couples comes on top.
     pub fn of_plan(plan: &Plan) -> Work {
         let rest = plan.load(&[], &[]).expect("nothing is named");
-        plan.islands.iter().fold(Work::default(), |work, island| {
+        // What only joins bones has nothing to be solved.
+        let solved = plan.islands.iter().filter(|island| island.n_unknowns() > 0);
+        solved.fold(Work::default(), |work, island| {
             let loaded = LoadedIsland::new(island.clone(), rest.clone(), rest.clone());
             let places: Vec<f64> = island.nodes.iter().flat_map(|&n| plan.mesh.points[n as usize]).collect();
             let analysis = Analysis::new(loaded.pattern(), &island.free_positions(&places));
