@@ -71,7 +71,7 @@ fn what_cannot_be_meant_is_refused_with_line_value_and_remedy() {
         ("\n\nresolution_mm = 60.0", &["line 3", "60", "3 to 20 mm"]),
         ("resolution_mm = nan", &["line 1", "NaN", "3 to 20 mm"]),
         ("draw_in_mm = 7.5", &["line 1", "draw_in_mm", "7.5", "0 to 5 mm"]),
-        ("resolution_mm = \"fine\"", &["line 1", "f64"]),
+        ("resolution_mm = \"fine\"", &["line 1", "a number"]),
         (
             "muscles = [\n  \"sartorius\",\n  \"gracillis\",\n]",
             &["line 3", "`gracillis`", "did you mean `gracilis`"],

@@ -20,6 +20,7 @@ use multibody::walker::{Knee, walker};
 use crate::error::CommandError;
 use crate::measured::Overlay;
 use crate::number::short;
+use crate::scene::{TomlKind, wanted};
 
 /// What to optimize and how.
 #[derive(Clone, Debug, Default)]
@@ -62,6 +63,8 @@ pub struct Case {
     pub is_cycle: bool,
     /// Quality of a functional calibration.
     pub quality: Option<Quality>,
+    /// What the trial file says that rarely is so.
+    pub doubts: Vec<String>,
 }
 
 /// Everything that was computed.
@@ -105,8 +108,14 @@ impl Case {
                 hip_centre: "table".into(),
                 is_cycle: true,
                 quality: None,
+                doubts: Vec::new(),
             });
         };
+        if path.is_file()
+            && let Ok(text) = std::fs::read_to_string(path)
+        {
+            wanted(TomlKind::Trial, path, &text)?;
+        }
         let file = TrialFile::read(path)?;
         let trial = file.load(options.data.as_deref())?;
         let mut spec = file.landmarks(options.data.as_deref())?;
@@ -149,6 +158,7 @@ impl Case {
             hip_centre: hip_name(&spec.hip_centre),
             is_cycle: file.range.cycle.is_some(),
             quality,
+            doubts: file.doubts(&trial),
             trial,
             anatomy,
         })

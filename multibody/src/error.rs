@@ -86,10 +86,10 @@ pub enum InputError {
         /// The time before it \[s\].
         previous: f64,
     },
-    /// A key that the trial file does not know.
-    #[error("{file}, line {line}: unknown key `{key}`; {}", did_you_mean(nearest))]
+    /// A key that the file does not know.
+    #[error("{file}, line {line}: unknown key `{key}`; {known}")]
     UnknownKey {
-        /// The trial file.
+        /// Trial file or scene.
         file: PathBuf,
         /// Line of the key.
         line: usize,
@@ -97,7 +97,26 @@ pub enum InputError {
         key: String,
         /// The known key that is spelt most like it.
         nearest: Option<String>,
+        /// What was probably meant, and the keys that may stand there.
+        known: String,
     },
+    /// A key that must be there and is not.
+    #[error("{file}, line {line}: `{key}` is missing{}; {remedy}", within(section))]
+    MissingKey {
+        /// Trial file or scene.
+        file: PathBuf,
+        /// Line of the section that lacks it.
+        line: usize,
+        /// The key.
+        key: String,
+        /// The section; empty at the top.
+        section: String,
+        /// What to add.
+        remedy: String,
+    },
+    /// More than one mistake, a line each.
+    #[error("{}", lines(.0))]
+    Several(Vec<InputError>),
     /// A value of the trial file that cannot be used.
     #[error("{file}, line {line}: `{key}` is {value}; {remedy}")]
     BadValue {
@@ -323,6 +342,66 @@ pub enum InputError {
         /// Times of the heel strikes \[s\].
         found: Vec<f64>,
     },
+}
+
+fn within(section: &str) -> String {
+    if section.is_empty() { String::new() } else { format!(" in [{section}]") }
+}
+
+/// A message per line; the first gets its `error:` from whoever prints the whole.
+fn lines(errors: &[InputError]) -> String {
+    errors.iter().map(InputError::to_string).collect::<Vec<_>>().join("\nerror: ")
+}
+
+/// Mistakes found so far: so that a person mends them all at once.
+#[derive(Debug, Default)]
+pub struct Mistakes(Vec<InputError>);
+
+/// Mistakes that are kept; whoever made more mends these first.
+const MOST_MISTAKES: usize = 200;
+
+impl Mistakes {
+    /// Adds a mistake; of several each by itself, and none that is there already.
+    pub fn note(&mut self, error: InputError) {
+        match error {
+            InputError::Several(errors) => errors.into_iter().for_each(|e| self.note(e)),
+            one => {
+                let text = one.to_string();
+                if self.0.len() < MOST_MISTAKES && self.0.iter().all(|e| e.to_string() != text) {
+                    self.0.push(one);
+                }
+            }
+        }
+    }
+
+    /// The value of a result, or its mistake noted.
+    pub fn keep<T>(&mut self, result: Result<T, InputError>) -> Option<T> {
+        result.map_err(|error| self.note(error)).ok()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// All of them, as one error.
+    pub fn finish(mut self) -> Result<(), InputError> {
+        match self.0.len() {
+            0 => Ok(()),
+            1 => Err(self.0.remove(0)),
+            _ => Err(InputError::Several(self.0)),
+        }
+    }
+
+    /// The mistakes.
+    pub fn into_inner(self) -> Vec<InputError> {
+        self.0
+    }
 }
 
 fn did_you_mean(nearest: &Option<String>) -> String {

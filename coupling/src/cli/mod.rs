@@ -7,6 +7,7 @@ mod optimize;
 mod plan;
 mod progress;
 mod step;
+mod template;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -72,6 +73,8 @@ enum Command {
     Step(step::StepArguments),
     /// What a scene would simulate, what it leaves out and why, and what it would cost.
     Plan(plan::PlanArguments),
+    /// Writes a trial file for a recording, or a scene, with every key and its meaning.
+    Template(template::TemplateArguments),
     /// Is this input file good; what is wrong, where, and how to mend it.
     Check(check::CheckArguments),
 }
@@ -102,6 +105,7 @@ pub fn main() -> ExitCode {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Step(arguments) => step::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
     };
     match result {

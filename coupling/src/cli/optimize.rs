@@ -369,7 +369,7 @@ fn word(ankle: Ankle) -> &'static str {
 
 /// What makes these results less certain than others.
 fn warnings(done: &Optimized) -> Vec<String> {
-    let mut notes = Vec::new();
+    let mut notes = done.case.doubts.clone();
     let mm = |v: f64| format!("{:.1}", 1e3 * v);
     if let Some(q) = &done.case.quality {
         notes.push(format!(

@@ -1,31 +1,9 @@
 //! Scenes: what `compare`, `step` and `plan` simulate, written by a person (TOML).
 //!
-//! ```toml
-//! trial = "walker"            # the built-in walker, a trial file beside this one, or the name of a shipped trial
-//! muscles = "all"             # of the thigh: "all", a list of names, or "none" for the rigid leg alone
-//! resolution_mm = 12.0        # edges of the mesh
-//! draw_in_mm = 0.0            # surfaces of the muscles drawn in by up to this: gaps between them grow by up to twice as much
-//! stress_free = "standing"    # posture of the mesh without stress: "standing" or "heel_strike"
-//! surfaces = "muscles_fit"    # folder of closed muscle surfaces [m] beside a folder `bones`; absent: the built-in thigh
-//!
-//! [accuracy]                  # forces out of balance at which a step counts as solved, norm over all nodes
-//! residual_n = 0.1            # without contact
-//! contact_residual_n = 10.0   # with contact
-//!
-//! [effects]
-//! fibres = "hill"             # "hill", "thermal" or "none"; absent: thermal where stress-free at heel strike, Hill elsewhere
-//! shells = true
-//! contact = "guarded"         # "guarded", "cheap" or "none"
-//!
-//! [[step]]
-//! name = "heel_strike"
-//! [[step]]
-//! name = "loading_response"
-//! knee_flexion_deg = 15.0     # in place of the trial's
-//! ```
-//!
-//! Every key has the default shown, `surfaces` and `knee_flexion_deg` none. Files are looked for beside the scene, then in `--data`.
+//! Every key, with its default and meaning, is a row of [`KEYS`]; `sartorius template scene` writes them all, and docs/keys.md is their page.
+//! Files are looked for beside the scene, then in `--data`.
 
+mod keys;
 mod resolved;
 mod words;
 
@@ -35,9 +13,12 @@ use std::path::{Path, PathBuf};
 
 use fem::scene::ContactMode;
 use multibody::InputError;
-use multibody::error::{Place, nearest};
+use multibody::error::{Mistakes, Place, nearest};
+use multibody::keys::examine;
 use serde::Deserialize;
 use toml::Spanned;
+
+pub use keys::{KEYS, TomlKind, wanted};
 
 use crate::compare::StressFree;
 use crate::steps::StepName;
@@ -118,13 +99,14 @@ pub struct Scene {
     pub steps: Vec<StepSpec>,
 }
 
+/// The file as written: every key here and in the entries below has a row in [`KEYS`] (tested).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SceneFile {
     trial: Option<Spanned<PathBuf>>,
     muscles: Option<Spanned<Muscles>>,
-    resolution_mm: Option<Spanned<f64>>,
-    draw_in_mm: Option<Spanned<f64>>,
+    resolution_mm: Option<f64>,
+    draw_in_mm: Option<f64>,
     #[serde(default)]
     stress_free: Option<Spanned<StressFree>>,
     surfaces: Option<Spanned<PathBuf>>,
@@ -145,8 +127,8 @@ enum Muscles {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AccuracyEntry {
-    residual_n: Option<Spanned<f64>>,
-    contact_residual_n: Option<Spanned<f64>>,
+    residual_n: Option<f64>,
+    contact_residual_n: Option<f64>,
 }
 
 #[derive(Default, Deserialize)]
@@ -169,7 +151,7 @@ enum ContactChoice {
 #[serde(deny_unknown_fields)]
 struct StepEntry {
     name: Spanned<StepName>,
-    knee_flexion_deg: Option<Spanned<f64>>,
+    knee_flexion_deg: Option<f64>,
 }
 
 impl Scene {
@@ -180,77 +162,65 @@ impl Scene {
 
     /// Reads a scene file, or a shipped scene by its name. `data`: where else to look for its files.
     pub fn read(given: &Path, data: Option<&Path>) -> Result<Scene, InputError> {
-        if given == Path::new("walker") && !given.exists() {
-            return Ok(Scene::walker());
-        }
-        let file = find(given, SHIPPED)?;
-        let io = |source| InputError::Io { file: file.clone(), source };
-        let mut text = String::new();
-        std::fs::File::open(&file).map_err(io)?.take(LARGEST).read_to_string(&mut text).map_err(io)?;
+        let (file, text) = source(given)?;
         Scene::parse(&file, &text, data)
     }
 
-    /// Reads the text of a scene; `file` tells the folder and is named in errors.
+    /// Reads the text of a scene; every mistake is named. `file` tells the folder and is named in errors.
     pub fn parse(file: &Path, text: &str, data: Option<&Path>) -> Result<Scene, InputError> {
-        let at = Source { file, text };
-        let scene: SceneFile = toml::from_str(text).map_err(|e| at.translate(&e))?;
-        let folder = file.parent().unwrap_or(Path::new(""));
-        let trial = match &scene.trial {
-            None => None,
-            Some(name) if name.get_ref() == Path::new("walker") => None,
-            Some(name) => {
-                Some(at.existing("trial", name, &[Some(folder), data], Some("gait-data/trials"))?)
-            }
-        };
-        let surfaces = scene.surfaces.as_ref();
-        let surfaces =
-            surfaces.map(|s| at.existing("surfaces", s, &[Some(folder), data], None)).transpose()?;
-        let (deformable, muscles) = match &scene.muscles {
-            None => (true, Vec::new()),
-            Some(given) => at.muscles(given)?,
-        };
-        let resolution = match &scene.resolution_mm {
-            None => 12.0,
-            Some(mm) => at.within("resolution_mm", mm, &RESOLUTIONS, "mm")?,
-        };
-        let draw_in = match &scene.draw_in_mm {
-            None => 0.0,
-            Some(mm) => at.within("draw_in_mm", mm, &DRAWN_IN, "mm")?,
-        };
-        let accuracy = &scene.accuracy;
-        let mut residuals = NATURAL_RESIDUALS;
-        let given =
-            [("residual_n", &accuracy.residual_n), ("contact_residual_n", &accuracy.contact_residual_n)];
-        for (residual, (key, given)) in residuals.iter_mut().zip(given) {
-            if let Some(newtons) = given {
-                *residual = at.within(key, newtons, &RESIDUALS, "N")?;
-            }
-        }
-        let stress_free = scene.stress_free.as_ref().map_or(StressFree::default(), |s| *s.get_ref());
-        let mut steps = at.steps(scene.step.as_deref())?;
+        wanted(TomlKind::Scene, file, text)?;
+        let mut wrong = Mistakes::default();
+        let scene = examine(file, text, KEYS, &mut wrong).and_then(|d| d.fill(file, text, &mut wrong));
+        let made = scene.and_then(|scene: SceneFile| scene.check(&Source { file, text }, data, &mut wrong));
+        wrong.finish()?;
+        made.ok_or_else(|| InputError::Malformed {
+            file: file.to_path_buf(),
+            at: Place::Whole,
+            problem: "no scene".into(),
+            remedy: "see docs/keys.md".into(),
+        })
+    }
+}
+
+impl SceneFile {
+    /// What hangs on other files, on names and on more than one key; each value by itself was held against the table of keys.
+    fn check(&self, at: &Source, data: Option<&Path>, wrong: &mut Mistakes) -> Option<Scene> {
+        let folder = at.file.parent().unwrap_or(Path::new(""));
+        let folders = [Some(folder), data];
+        let trial = self.trial.as_ref().filter(|name| name.get_ref() != Path::new("walker"));
+        let trial =
+            trial.map(|name| wrong.keep(at.existing("trial", name, &folders, Some("gait-data/trials"))));
+        let surfaces = self.surfaces.as_ref();
+        let surfaces = surfaces.map(|s| wrong.keep(at.existing("surfaces", s, &folders, None)));
+        let muscles = self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
+        let stress_free = self.stress_free.as_ref().map_or(StressFree::default(), |s| *s.get_ref());
+        let mut steps = at.steps(self.step.as_deref(), wrong);
         steps.sort_by_key(|s| StepName::ALL.iter().position(|n| *n == s.name));
         let at_heel_strike = stress_free == StressFree::HeelStrike;
-        if at_heel_strike && steps[0].name != StepName::HeelStrike {
-            let line = scene.stress_free.as_ref().map_or(1, |s| at.line(s.span().start));
+        if at_heel_strike && steps.first().is_some_and(|s| s.name != StepName::HeelStrike) {
+            let line = self.stress_free.as_ref().map_or(1, |s| at.line(s.span().start));
             let remedy = "add the step heel_strike, or take the mesh as stress-free in standing";
-            return Err(at.bad(line, "stress_free", "heel_strike without that step", remedy));
+            wrong.note(at.bad(line, "stress_free", "heel_strike without that step", remedy));
         }
         let natural = if at_heel_strike { Fibres::Thermal } else { Fibres::Hill };
-        Ok(Scene {
-            name: file.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned()),
-            text: text.to_string(),
+        let [without, with] = NATURAL_RESIDUALS;
+        let accuracy = &self.accuracy;
+        let (deformable, muscles) = muscles?;
+        Some(Scene {
+            name: at.file.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned()),
+            text: at.text.to_string(),
             folder: Some(folder.to_path_buf()),
-            trial,
+            trial: trial.flatten(),
             deformable,
             muscles,
-            surfaces,
-            resolution: resolution * 1e-3,
-            draw_in: draw_in * 1e-3,
-            residuals,
+            surfaces: surfaces.flatten(),
+            resolution: self.resolution_mm.unwrap_or(12.0) * 1e-3,
+            draw_in: self.draw_in_mm.unwrap_or(0.0) * 1e-3,
+            residuals: [accuracy.residual_n.unwrap_or(without), accuracy.contact_residual_n.unwrap_or(with)],
             stress_free,
-            fibres: scene.effects.fibres.unwrap_or(natural),
-            shells: scene.effects.shells.unwrap_or(true),
-            contact: match scene.effects.contact.unwrap_or(ContactChoice::Guarded) {
+            fibres: self.effects.fibres.unwrap_or(natural),
+            shells: self.effects.shells.unwrap_or(true),
+            contact: match self.effects.contact.unwrap_or(ContactChoice::Guarded) {
                 ContactChoice::Guarded => Some(ContactMode::Guarded),
                 ContactChoice::Cheap => Some(ContactMode::Cheap),
                 ContactChoice::None => None,
@@ -258,6 +228,23 @@ impl Scene {
             steps,
         })
     }
+}
+
+/// The text of a scene file, or of a shipped scene by its name.
+pub fn text(given: &Path) -> Result<String, InputError> {
+    Ok(source(given)?.1)
+}
+
+/// File and text of a scene.
+fn source(given: &Path) -> Result<(PathBuf, String), InputError> {
+    if given == Path::new("walker") && !given.exists() {
+        return Ok((PathBuf::from("walker.toml"), WALKER.to_string()));
+    }
+    let file = find(given, SHIPPED)?;
+    let io = |source| InputError::Io { file: file.clone(), source };
+    let mut text = String::new();
+    std::fs::File::open(&file).map_err(io)?.take(LARGEST).read_to_string(&mut text).map_err(io)?;
+    Ok((file, text))
 }
 
 /// A path as it is, or a shipped file by its name.
@@ -305,51 +292,6 @@ impl Source<'_> {
         }
     }
 
-    /// An unknown key or word becomes one with the most similar known one; all others keep the words of the reader.
-    fn translate(&self, error: &toml::de::Error) -> InputError {
-        let line = error.span().map_or(1, |span| self.line(span.start));
-        let message = error.message().to_string();
-        // unknown field `resolution`, expected one of `trial`, `resolution_mm`, …
-        let mut quoted = message.split('`').skip(1).step_by(2);
-        let word = quoted.next().unwrap_or("").to_string();
-        let known: Vec<&str> = quoted.collect();
-        let meant = nearest(&word, known.iter().copied());
-        if message.starts_with("unknown field") {
-            return InputError::UnknownKey { file: self.file.to_path_buf(), line, key: word, nearest: meant };
-        }
-        if message.starts_with("unknown variant") {
-            let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-            let key = self.text.lines().nth(line - 1).and_then(|l| l.split('=').next()).unwrap_or("").trim();
-            return self.bad(
-                line,
-                key,
-                format!("`{word}`"),
-                format!("{meant}known are {}", known.join(", ")),
-            );
-        }
-        let remedy = format!("see the scenes in {SHIPPED}");
-        InputError::Malformed {
-            file: self.file.to_path_buf(),
-            at: Place::Line(line),
-            problem: message,
-            remedy,
-        }
-    }
-
-    fn within(
-        &self,
-        key: &str,
-        value: &Spanned<f64>,
-        range: &RangeInclusive<f64>,
-        unit: &str,
-    ) -> Result<f64, InputError> {
-        if range.contains(value.get_ref()) {
-            return Ok(*value.get_ref());
-        }
-        let remedy = format!("give {} to {} {unit}", range.start(), range.end());
-        Err(self.bad(self.line(value.span().start), key, value.get_ref(), remedy))
-    }
-
     /// A file or folder in one of `folders`, or a shipped file by its name.
     fn existing(
         &self,
@@ -382,20 +324,16 @@ impl Source<'_> {
     }
 
     /// Whether there are muscles, and which; none named: all.
-    fn muscles(&self, given: &Spanned<Muscles>) -> Result<(bool, Vec<String>), InputError> {
-        let line = self.line(given.span().start);
+    fn muscles(&self, given: &Spanned<Muscles>, wrong: &mut Mistakes) -> Option<(bool, Vec<String>)> {
         let list = match given.get_ref() {
-            Muscles::Word(word) if word == "all" => return Ok((true, Vec::new())),
-            Muscles::Word(word) if word == "none" => return Ok((false, Vec::new())),
-            Muscles::Word(word) => {
-                let remedy = "give \"all\", \"none\" or a list of names";
-                return Err(self.bad(line, "muscles", format!("`{word}`"), remedy));
-            }
-            Muscles::List(list) if list.is_empty() => {
-                return Err(self.bad(line, "muscles", "an empty list", "name muscles, or give \"none\""));
-            }
+            Muscles::Word(word) => return Some((word != "none", Vec::new())),
             Muscles::List(list) => list,
         };
+        if list.is_empty() {
+            let line = self.line(given.span().start);
+            wrong.note(self.bad(line, "muscles", "an empty list", "name muscles, or give \"none\""));
+            return None;
+        }
         // Places inside the list are not told by the reader.
         let place = |name: &str| {
             let span = given.span();
@@ -404,35 +342,32 @@ impl Source<'_> {
         };
         for (i, name) in list.iter().enumerate() {
             if let Err(remedy) = known_muscle(name) {
-                return Err(self.bad(place(name), "muscles", format!("`{name}`"), remedy));
+                wrong.note(self.bad(place(name), "muscles", format!("`{name}`"), remedy));
             }
             if list[..i].contains(name) {
-                return Err(self.bad(place(name), "muscles", format!("`{name}` twice"), "name it once"));
+                wrong.note(self.bad(place(name), "muscles", format!("`{name}` twice"), "name it once"));
             }
         }
-        Ok((true, list.clone()))
+        Some((true, list.clone()))
     }
 
-    fn steps(&self, given: Option<&[StepEntry]>) -> Result<Vec<StepSpec>, InputError> {
+    fn steps(&self, given: Option<&[StepEntry]>, wrong: &mut Mistakes) -> Vec<StepSpec> {
         let Some(given) = given else {
-            return Ok(StepName::ALL.iter().map(|&name| StepSpec { name, knee_flexion: None }).collect());
+            return StepName::ALL.iter().map(|&name| StepSpec { name, knee_flexion: None }).collect();
         };
+        if given.is_empty() {
+            wrong.note(self.bad(1, "step", "an empty list", "leave it away for both steps"));
+        }
         let mut steps: Vec<StepSpec> = Vec::new();
         for entry in given {
             let name = *entry.name.get_ref();
             if steps.iter().any(|s| s.name == name) {
                 let line = self.line(entry.name.span().start);
-                return Err(self.bad(line, "name", format!("`{}` again", name.name()), "every step once"));
+                wrong.note(self.bad(line, "name", format!("`{}` again", name.name()), "every step once"));
             }
-            let flexion = entry.knee_flexion_deg.as_ref();
-            let flexion =
-                flexion.map(|f| self.within("knee_flexion_deg", f, &FLEXIONS, "degrees")).transpose()?;
-            steps.push(StepSpec { name, knee_flexion: flexion.map(f64::to_radians) });
+            steps.push(StepSpec { name, knee_flexion: entry.knee_flexion_deg.map(f64::to_radians) });
         }
-        if steps.is_empty() {
-            return Err(self.bad(1, "step", "an empty list", "leave it away for both steps"));
-        }
-        Ok(steps)
+        steps
     }
 }
 

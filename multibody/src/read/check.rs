@@ -6,7 +6,7 @@ use super::{
     MarkerRecording, TimeSeries, c3d, decode, ending, file_bytes, is_knee_forces, read_knee_forces,
     read_series, read_trc,
 };
-use crate::error::InputError;
+use crate::error::{InputError, Mistakes};
 use crate::natural::SegmentId;
 use crate::trial_file::{Landmarks, TrialFile, read_landmarks};
 
@@ -83,9 +83,15 @@ fn table(path: &Path) -> Result<String, InputError> {
 }
 
 fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
-    let file = TrialFile::read(path)?;
-    let trial = file.load(data)?;
-    let source = match file.landmarks(data)?.source {
+    let mut wrong = Mistakes::default();
+    let file = TrialFile::examine(path, &file_bytes(path)?, &mut wrong);
+    // Mistakes of the file do not hide those of the recordings.
+    let read = file.as_ref().map(|f| (wrong.keep(f.load(data)), wrong.keep(f.landmarks(data))));
+    wrong.finish()?;
+    let Some((file, (Some(trial), Some(landmarks)))) = file.zip(read) else {
+        return Err(InputError::UnknownKind { file: path.to_path_buf(), wanted: "a trial file" });
+    };
+    let source = match landmarks.source {
         Landmarks::Table { items, .. } => format!("a table of {} items", items.len()),
         Landmarks::Markers { .. } => "landmark markers".to_string(),
         Landmarks::Functional { motions, .. } => {
@@ -99,9 +105,10 @@ fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
         .map(|m| m.position[trial.report.clone()].iter().filter(|p| p.is_none()).count())
         .sum();
     let peak = trial.ground.force.iter().map(|f| f.y).fold(0.0, f64::max);
+    let doubts: String = file.doubts(&trial).iter().map(|doubt| format!("\n  doubt: {doubt}")).collect();
     Ok(format!(
         "Trial file. {} ({:?} leg, {} kg, {} m). {} markers in {} frames, {:.4} to {:.4} s; reported are {} frames, {:.4} to {:.4} s, with {} \
-         missing marker positions. Ground reaction from {} samples, up to {:.0} N ({:.2} body weights). Landmarks from {source}.",
+         missing marker positions. Ground reaction from {} samples, up to {:.0} N ({:.2} body weights). Landmarks from {source}.{doubts}",
         file.subject.name,
         trial.side,
         trial.subject.mass,

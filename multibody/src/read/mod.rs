@@ -102,8 +102,11 @@ pub(crate) fn ending(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// The whole of a regular file. A pipe or device, which may never end, is refused.
+/// The whole of a regular file, or of a shipped one. A pipe or device, which may never end, is refused.
 pub(crate) fn file_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
+    if let Some(text) = crate::shipped::text(path) {
+        return Ok(text.into());
+    }
     let io = |source| InputError::Io { file: path.to_path_buf(), source };
     let metadata = std::fs::metadata(path).map_err(io)?;
     if !metadata.is_file() {

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::TrialFile;
 use super::load::Recorded;
-use crate::error::{InputError, Place};
+use crate::error::{InputError, Mistakes, Place};
 use crate::natural::SegmentId;
 use crate::trial::{MarkerTrack, Side};
 
@@ -28,14 +28,66 @@ pub(super) fn examine(
     recorded: &Recorded,
     tracks: &[MarkerTrack],
     landmarks: &[MarkerTrack],
-) -> Result<(), InputError> {
+    wrong: &mut Mistakes,
+) {
     let mut all = tracks.to_vec();
     all.extend(landmarks.iter().filter(|l| tracks.iter().all(|t| t.name != l.name)).cloned());
-    duplicates(recorded, &all)?;
-    size(file, recorded, tracks)?;
-    exchanges_in_time(recorded, &all)?;
-    axes_and_sides(file, recorded, &all)?;
-    rigidity(recorded, tracks)
+    duplicates(recorded, &all, wrong);
+    if wrong.keep(size(file, recorded, tracks)).is_none() {
+        return; // every other bound is a length
+    }
+    exchanges_in_time(recorded, &all, wrong);
+    if wrong.keep(axes_and_sides(file, recorded, &all)).is_some() {
+        landmark_sides(file, recorded, &all, wrong);
+    }
+    rigidity(recorded, tracks, wrong);
+}
+
+/// Tests a standing trial, which has no direction of walking.
+pub(super) fn examine_standing(
+    file: &TrialFile,
+    recorded: &Recorded,
+    tracks: &[MarkerTrack],
+    wrong: &mut Mistakes,
+) {
+    duplicates(recorded, tracks, wrong);
+    if wrong.keep(size(file, recorded, tracks)).is_some() {
+        landmark_sides(file, recorded, tracks, wrong);
+        rigidity(recorded, tracks, wrong);
+    }
+}
+
+/// Kilograms of a pound.
+const POUND: f64 = 0.45359237;
+/// In a gait cycle one leg carries the body alone for a while: 1.0 to 1.3 body weights in walking, 0.9 where it is very slow.
+const LEAST_OF_A_STEP: f64 = 0.7;
+/// Body mass index that so few people have that pounds are likelier \[kg/m²\].
+const LARGEST_INDEX: f64 = 42.0;
+
+/// What can be true but rarely is, a sentence each with file, line and value. Results are computed all the same.
+pub(super) fn rarely_true(file: &TrialFile, trial: &crate::trial::Trial) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let (mass, height) = (file.subject.mass_kg, file.subject.height_m);
+    let place = format!("{}, line {}: `mass_kg` is {mass}", file.path.display(), file.line_of("mass_kg"));
+    let in_kg = POUND * mass;
+    let mut carried: Vec<f64> = trial.ground.force.iter().map(|f| f.y).filter(|f| *f > 0.0).collect();
+    carried.sort_by(f64::total_cmp);
+    // A spike of a few samples is no step.
+    let most = carried.get(carried.len() * 98 / 100).copied().unwrap_or(0.0);
+    let weights = most / (9.81 * mass);
+    if file.range.cycle.is_some() && weights < LEAST_OF_A_STEP {
+        let meant = match (LEAST_OF_A_STEP..2.0).contains(&(weights / POUND)) {
+            true => format!("if these are pounds, give {in_kg:.1} ({:.2} body weights)", weights / POUND),
+            false => "check the mass, and the unit of the forces".to_string(),
+        };
+        doubts.push(format!("{place}, but in a whole gait cycle the foot carries {most:.0} N at most, {weights:.2} body weights; {meant}"));
+    } else if mass / height.powi(2) > LARGEST_INDEX {
+        let index = mass / height.powi(2);
+        doubts.push(format!(
+            "{place} at {height} m, a body mass index of {index:.0}; if these are pounds, give {in_kg:.1}"
+        ));
+    }
+    doubts
 }
 
 /// Both positions of a pair in every frame that has both.
@@ -59,15 +111,14 @@ fn pairs<T>(items: &[T]) -> impl Iterator<Item = (&T, &T)> {
     items.iter().enumerate().flat_map(|(i, a)| items[i + 1..].iter().map(move |b| (a, b)))
 }
 
-fn duplicates(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), InputError> {
+fn duplicates(recorded: &Recorded, tracks: &[MarkerTrack], wrong: &mut Mistakes) {
     for (a, b) in pairs(tracks) {
         let mut places = common(a, b).peekable();
         if places.peek().is_some() && places.all(|(p, q)| (p - q).norm() < 1e-6) {
             let (first, second) = (a.name.clone(), b.name.clone());
-            return Err(InputError::Duplicated { file: recorded.path.clone(), first, second });
+            wrong.note(InputError::Duplicated { file: recorded.path.clone(), first, second });
         }
     }
-    Ok(())
 }
 
 fn size(file: &TrialFile, recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), InputError> {
@@ -97,7 +148,7 @@ fn size(file: &TrialFile, recorded: &Recorded, tracks: &[MarkerTrack]) -> Result
 }
 
 /// Two markers that jump into each other's places from one frame to the next.
-fn exchanges_in_time(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), InputError> {
+fn exchanges_in_time(recorded: &Recorded, tracks: &[MarkerTrack], wrong: &mut Mistakes) {
     for (a, b) in pairs(tracks) {
         let mut last = None;
         for (frame, now) in a.position.iter().zip(&b.position).enumerate() {
@@ -108,7 +159,7 @@ fn exchanges_in_time(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), 
             if let Some((p0, q0)) = last.replace((*p, *q)) {
                 let (stay, swap) = ([(p - p0).norm(), (q - q0).norm()], [(p - q0).norm(), (q - p0).norm()]);
                 if (0..2).all(|k| stay[k] > LEAST_JUMP && swap[k] < 0.5 * stay[k]) {
-                    return Err(InputError::Swapped {
+                    wrong.note(InputError::Swapped {
                         file: recorded.path.clone(),
                         at: Place::Frame(recorded.markers.first_frame + frame),
                         first: a.name.clone(),
@@ -119,11 +170,11 @@ fn exchanges_in_time(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), 
                             1e3 * stay[1]
                         ),
                     });
+                    break; // they may jump back; once is enough
                 }
             }
         }
     }
-    Ok(())
 }
 
 /// Mean over the frames that have both markers of `to − from`.
@@ -235,6 +286,51 @@ fn axes_and_sides(file: &TrialFile, recorded: &Recorded, tracks: &[MarkerTrack])
     Ok(())
 }
 
+/// Least distance by which a landmark must be on the wrong side for its name to be wrong \[m\]: knees and ankles are 60 mm wide and more, and
+/// a foot that points outwards by 60 degrees still has half of that.
+const WRONG_SIDE: f64 = 0.02;
+
+/// The outer one of two landmarks lies on the side of the leg, seen along the line between the two ASISs, wherever the subject turns.
+pub(super) fn landmark_sides(
+    file: &TrialFile,
+    recorded: &Recorded,
+    tracks: &[MarkerTrack],
+    wrong: &mut Mistakes,
+) {
+    let find = |name: Option<&str>| tracks.iter().find(|t| Some(t.name.as_str()) == name);
+    let [right_asis, left_asis, ..] = file.pelvis_names().map(find);
+    let (Some(right_asis), Some(left_asis)) = (right_asis, left_asis) else { return };
+    let outwards = if file.subject.side == Side::Right { 1.0 } else { -1.0 };
+    for (outer, inner) in file.outer_and_inner() {
+        let (Some(outer), Some(inner)) = (find(outer), find(inner)) else { continue };
+        // Mean over the frames of how far the outer one lies outwards.
+        let (mut sum, mut count) = (0.0, 0.0);
+        for k in 0..outer.position.len() {
+            let place = |t: &MarkerTrack| t.position.get(k).copied().flatten();
+            if let (Some(l), Some(r), Some(o), Some(i)) =
+                (place(left_asis), place(right_asis), place(outer), place(inner))
+                && let Some(right) = (r - l).try_normalize(1e-3)
+            {
+                sum += outwards * (o - i).dot(&right);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 && sum / count < -WRONG_SIDE {
+            wrong.note(InputError::Swapped {
+                file: recorded.path.clone(),
+                at: Place::Whole,
+                first: outer.name.clone(),
+                second: inner.name.clone(),
+                reason: format!(
+                    "the outer one lies {:.0} mm on the inner side of the {} leg",
+                    -1e3 * sum / count,
+                    side_name(file.subject.side)
+                ),
+            });
+        }
+    }
+}
+
 pub(super) fn side_name(side: Side) -> &'static str {
     match side {
         Side::Right => "right",
@@ -243,7 +339,7 @@ pub(super) fn side_name(side: Side) -> &'static str {
 }
 
 /// Markers of one segment keep their distances.
-fn rigidity(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), InputError> {
+fn rigidity(recorded: &Recorded, tracks: &[MarkerTrack], wrong: &mut Mistakes) {
     for segment in SegmentId::ALL {
         let cluster: Vec<&MarkerTrack> = tracks.iter().filter(|t| t.segment == segment).collect();
         let spread = |a: &MarkerTrack, b: &MarkerTrack| distance(a, b).map_or(0.0, |d| d.1);
@@ -256,7 +352,7 @@ fn rigidity(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), InputErro
         let by_spread =
             |a: &&&MarkerTrack, b: &&&MarkerTrack| spread(marker, a).total_cmp(&spread(marker, b));
         let Some(other) = cluster.iter().max_by(by_spread) else { continue };
-        return Err(InputError::NotRigid {
+        wrong.note(InputError::NotRigid {
             file: recorded.path.clone(),
             marker: marker.name.clone(),
             segment: segment.name(),
@@ -264,7 +360,6 @@ fn rigidity(recorded: &Recorded, tracks: &[MarkerTrack]) -> Result<(), InputErro
             spread_mm: 1e3 * spread(marker, other),
         });
     }
-    Ok(())
 }
 
 /// Do the distances inside each segment fit those of another source much better when two names are exchanged?
@@ -275,7 +370,8 @@ pub(super) fn compare_distances(
     tracks: &[MarkerTrack],
     source: &str,
     reference: impl Fn(&str, &str) -> Option<f64>,
-) -> Result<(), InputError> {
+    wrong: &mut Mistakes,
+) {
     for segment in SegmentId::ALL {
         let cluster: Vec<&MarkerTrack> = tracks.iter().filter(|t| t.segment == segment).collect();
         let n = cluster.len();
@@ -310,7 +406,7 @@ pub(super) fn compare_distances(
             }
         }
         if let Some((exchanged, i, j)) = best.filter(|b| b.0 < 0.5 * as_named) {
-            return Err(InputError::Swapped {
+            wrong.note(InputError::Swapped {
                 file: recorded.path.clone(),
                 at: Place::Whole,
                 first: cluster[i].name.clone(),
@@ -324,5 +420,4 @@ pub(super) fn compare_distances(
             });
         }
     }
-    Ok(())
 }

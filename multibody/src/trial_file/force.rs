@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::doubts::side_name;
 use super::load::Recorded;
 use super::{PlateColumns, TrialFile};
-use crate::error::{InputError, Place};
+use crate::error::{InputError, Mistakes, Place};
 use crate::natural::SegmentId;
 use crate::read::{self, MarkerRecording, TimeSeries};
 use crate::trial::{GroundReaction, MarkerTrack};
@@ -48,25 +48,28 @@ pub(super) struct Step {
     window: Range<usize>,
 }
 
-/// Reads the named plates.
+/// Reads the named plates; those that cannot be used are left out and noted.
 pub(super) fn plates(
     file: &TrialFile,
     recorded: &Recorded,
     data: Option<&Path>,
-) -> Result<Vec<PlateSignal>, InputError> {
+    wrong: &mut Mistakes,
+) -> Vec<PlateSignal> {
     let mut numbers = file.force.plates.clone();
     numbers.extend(file.force.next_plate);
     numbers.sort_unstable();
     numbers.dedup();
     let table = match &file.force.file {
         Some(given) => {
-            let path = file.find(given, data)?;
-            Some((read::read_series(&path)?, path))
+            let read = |path: PathBuf| Ok((read::read_series(&path)?, path));
+            match wrong.keep(file.find(given, data).and_then(read)) {
+                Some(table) => Some(table),
+                None => return Vec::new(),
+            }
         }
         None => None,
     };
-    let mut plates = Vec::with_capacity(numbers.len());
-    for number in numbers {
+    let read = |number: usize| {
         let mut signal = match &table {
             Some((series, path)) => from_table(file, series, path, number)?,
             None => from_c3d(file, recorded, number)?,
@@ -75,9 +78,9 @@ pub(super) fn plates(
             signal.force.iter_mut().chain(&mut signal.moment).for_each(|v| *v = -*v);
         }
         plausible(file, &signal)?;
-        plates.push(signal);
-    }
-    Ok(plates)
+        Ok(signal)
+    };
+    numbers.into_iter().filter_map(|number| wrong.keep(read(number))).collect()
 }
 
 fn from_c3d(file: &TrialFile, recorded: &Recorded, number: usize) -> Result<PlateSignal, InputError> {
@@ -139,16 +142,19 @@ fn vectors(
     path: &Path,
     names: &[String; 3],
 ) -> Result<Vec<Vector3<f64>>, InputError> {
-    let column = |name: &String| {
-        series.column(name).ok_or_else(|| InputError::UnknownName {
+    let mut wrong = Mistakes::default();
+    let mut column = |name: &String| {
+        wrong.keep(series.column(name).ok_or_else(|| InputError::UnknownName {
             file: file.path.clone(),
             line: file.line_of(name),
             name: name.clone(),
             within: path.to_path_buf(),
             nearest: series.nearest(name),
-        })
+        }))
     };
-    let [x, y, z] = [column(&names[0])?, column(&names[1])?, column(&names[2])?];
+    let [x, y, z] = [column(&names[0]), column(&names[1]), column(&names[2])];
+    wrong.finish()?;
+    let (Some(x), Some(y), Some(z)) = (x, y, z) else { return Ok(Vec::new()) };
     Ok((0..x.len()).map(|i| Vector3::new(x[i], y[i], z[i])).collect())
 }
 
@@ -216,7 +222,9 @@ pub(super) fn steps(
     plates: &[PlateSignal],
     recording: &MarkerRecording,
     markers: &[MarkerTrack],
-) -> Result<Vec<Step>, InputError> {
+    wrong: &mut Mistakes,
+) -> Option<Vec<Step>> {
+    let before = wrong.len();
     let threshold = file.filter.contact_threshold;
     let foot: Vec<&MarkerTrack> = markers.iter().filter(|t| t.segment == SegmentId::Foot).collect();
     let mut steps = Vec::new();
@@ -224,26 +232,28 @@ pub(super) fn steps(
         let runs = contacts(plate, threshold);
         if runs.is_empty() {
             let peak = plate.force.iter().map(|f| f.y).fold(0.0, f64::max);
-            return Err(InputError::NoContact {
+            wrong.note(InputError::NoContact {
                 file: plate.file.clone(),
                 plate: plate.number,
                 peak,
                 threshold,
             });
+            continue;
         }
         let reach: Vec<Option<f64>> =
             runs.iter().map(|run| distance_to_foot(plate, run, recording, &foot)).collect();
         let own = |r: &Option<f64>| r.is_some_and(|d| d < FOOT_REACH);
         if !reach.iter().any(own) {
-            return match reach.iter().flatten().copied().reduce(f64::min) {
-                Some(distance) => Err(InputError::WrongFoot {
+            wrong.note(match reach.iter().flatten().copied().reduce(f64::min) {
+                Some(distance) => InputError::WrongFoot {
                     file: plate.file.clone(),
                     plate: plate.number,
                     side: side_name(file.subject.side),
                     distance,
-                }),
-                None => Err(unseen_foot(file, plates, recording, plate, &runs)),
-            };
+                },
+                None => unseen_foot(file, plates, recording, plate, &runs),
+            });
+            continue;
         }
         for (k, run) in runs.iter().enumerate().filter(|(k, _)| own(&reach[*k])) {
             let from = k.checked_sub(1).map_or(0, |j| (runs[j].end + run.start) / 2);
@@ -254,7 +264,52 @@ pub(super) fn steps(
     steps.sort_by(|a, b| {
         plates[a.plate].time[a.contact.start].total_cmp(&plates[b.plate].time[b.contact.start])
     });
-    Ok(steps)
+    (wrong.len() == before).then_some(steps)
+}
+
+/// A contact of the foot under study with a plate.
+pub(super) struct Contact {
+    /// Number of the plate.
+    pub plate: usize,
+    /// First time \[s\].
+    pub start: f64,
+    /// Last time \[s\].
+    pub end: f64,
+    /// Whether its begin is seen while the foot is on no other plate: a heel strike.
+    pub whole: bool,
+}
+
+/// Every contact of the foot with every plate, by time.
+pub(super) fn contacts_of_the_foot(
+    file: &TrialFile,
+    plates: &[PlateSignal],
+    recording: &MarkerRecording,
+    markers: &[MarkerTrack],
+) -> Vec<Contact> {
+    let mut contacts = Vec::new();
+    for plate in plates {
+        let own = std::slice::from_ref(plate);
+        for step in steps(file, own, recording, markers, &mut Mistakes::default()).unwrap_or_default() {
+            let (start, end) = (plate.time[step.contact.start], plate.time[step.contact.end - 1]);
+            contacts.push(Contact { plate: plate.number, start, end, whole: step.contact.start > 0 });
+        }
+    }
+    contacts.sort_by(|a: &Contact, b: &Contact| a.start.total_cmp(&b.start));
+    for k in 1..contacts.len() {
+        let on_another = contacts[..k].iter().any(|c| c.end >= contacts[k].start);
+        contacts[k].whole &= !on_another;
+    }
+    contacts
+}
+
+/// Mean of the vertical force of all plates together \[N\]; `None` where a plate has no sample in the time.
+pub(super) fn mean_vertical(plates: &[PlateSignal], start: f64, end: f64) -> Option<f64> {
+    let mean = |plate: &PlateSignal| {
+        let within = plate.time.iter().zip(&plate.force).filter(|(t, _)| (start..end).contains(*t));
+        let (sum, n) = within.fold((0.0, 0usize), |(sum, n), (_, f)| (sum + f.y, n + 1));
+        (n > 0).then(|| sum / n as f64)
+    };
+    plates.iter().map(mean).sum()
 }
 
 /// No contact of the plate has a frame with a foot marker: the times differ, or the foot was lost.

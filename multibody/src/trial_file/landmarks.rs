@@ -1,13 +1,13 @@
 //! What the calibration gets: where each landmark is to be taken from, with the recordings it needs.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::load::{Recorded, mirror};
 use super::{HipCentre, HipRule, LandmarkEntry, Source, TrialFile, doubts};
 use crate::calibration::table::{self, TableError, TableItem};
-use crate::error::{InputError, Place, nearest};
+use crate::error::{InputError, Mistakes, Place, nearest};
 use crate::natural::SegmentId;
 use crate::read::{decode, file_bytes};
 use crate::trial::{MarkerTrack, Side};
@@ -111,10 +111,16 @@ impl TrialFile {
             Source::Markers => {
                 let recording = self.record(entry.static_trial.as_deref().unwrap_or(&self.motion), data)?;
                 let mut wanted: Vec<_> =
-                    self.markers.all().filter(|(name, _)| recording.markers.index(name).is_some()).collect();
+                    self.markers.all().filter(|(name, _)| recording.find(name).is_some()).collect();
                 wanted.extend(
                     self.landmark_markers().filter(|(name, _)| self.markers.all().all(|(n, _)| n != *name)),
                 );
+                if entry.static_trial.is_some() {
+                    let mut wrong = Mistakes::default();
+                    let tracks = self.tracks(&recording, &wanted, &mut wrong);
+                    doubts::examine_standing(self, &recording, &tracks, &mut wrong);
+                    wrong.finish()?;
+                }
                 Landmarks::Markers { roles: self.roles(), tracks: self.mirrored_tracks(&recording, &wanted)? }
             }
             Source::Functional => {
@@ -138,15 +144,20 @@ impl TrialFile {
         recorded: &Recorded,
         wanted: &[(&str, SegmentId)],
     ) -> Result<Vec<MarkerTrack>, InputError> {
-        let mut tracks = self.tracks(recorded, wanted)?;
+        let mut wrong = Mistakes::default();
+        let mut tracks = self.tracks(recorded, wanted, &mut wrong);
+        wrong.finish()?;
         if self.subject.side == Side::Left {
             mirror(&mut tracks);
         }
         Ok(tracks)
     }
 
+    /// Every landmark marker once: one on the sacrum may stand for both posterior spines.
     fn landmark_markers(&self) -> impl Iterator<Item = (&str, SegmentId)> {
-        self.landmarks.markers().into_iter().filter_map(|(_, name, segment)| Some((name?, segment)))
+        let mut seen = HashSet::new();
+        let named = |(_, name, segment)| Some((name?, segment));
+        self.landmarks.markers().into_iter().filter_map(named).filter(move |m: &(&str, _)| seen.insert(m.0))
     }
 
     /// Landmark markers that must be in the motion file itself.
@@ -168,6 +179,20 @@ impl TrialFile {
             _ => [&entry.right_asis, &entry.left_asis, &entry.right_psis, &entry.left_psis]
                 .map(Option::as_deref),
         }
+    }
+
+    /// Recorded names of landmarks that lie beside each other: the outer and the inner one.
+    pub(super) fn outer_and_inner(&self) -> [(Option<&str>, Option<&str>); 3] {
+        let e = &self.landmarks;
+        let item = |item: &str| e.rename.get(item).map(String::as_str);
+        [
+            (e.lateral_epicondyle.as_deref(), e.medial_epicondyle.as_deref()),
+            (e.lateral_malleolus.as_deref(), e.medial_malleolus.as_deref()),
+            (
+                e.metatarsal_5.as_deref().or(item("metatarsal head 5")),
+                e.metatarsal_1.as_deref().or(item("metatarsal head 1")),
+            ),
+        ]
     }
 
     /// Landmark names; "right" becomes the side under study.
@@ -197,21 +222,23 @@ impl TrialFile {
     }
 
     /// The table, and item → marker for every tracked marker.
-    fn landmark_table(
+    pub(super) fn landmark_table(
         &self,
         data: Option<&Path>,
     ) -> Result<(Vec<TableItem>, HashMap<String, String>), InputError> {
         let path = self.find_table(self.landmarks.table.as_deref().unwrap_or(Path::new("")), data)?;
         let items = read_landmarks(&path)?;
+        let mut wrong = Mistakes::default();
         for (item, marker) in &self.landmarks.rename {
             let Some(row) = items.iter().find(|i| i.item == *item) else {
-                return Err(InputError::UnknownName {
+                wrong.note(InputError::UnknownName {
                     file: self.path.clone(),
                     line: self.line_of(item),
                     name: item.clone(),
-                    within: path,
+                    within: path.clone(),
                     nearest: nearest(item, items.iter().map(|i| i.item.as_str())),
                 });
+                continue;
             };
             match self.markers.all().find(|(name, _)| name == marker) {
                 Some((_, segment)) if segment == row.segment => {}
@@ -221,14 +248,11 @@ impl TrialFile {
                         segment.name(),
                         row.segment.name()
                     );
-                    return Err(self.bad_value(item, format!("`{marker}`"), &remedy));
+                    wrong.note(self.bad_value(item, format!("`{marker}`"), &remedy));
                 }
                 None => {
-                    return Err(self.bad_value(
-                        item,
-                        format!("`{marker}`"),
-                        "`[markers]` does not list that marker",
-                    ));
+                    let remedy = "`[markers]` does not list that marker";
+                    wrong.note(self.bad_value(item, format!("`{marker}`"), remedy));
                 }
             }
         }
@@ -237,15 +261,20 @@ impl TrialFile {
             let renamed =
                 self.landmarks.rename.iter().find(|(_, m)| *m == marker).map(|(item, _)| item.as_str());
             let item = renamed.unwrap_or(marker);
-            if !items.iter().any(|i| i.item == item && i.segment == segment) {
+            let known = |item: &str| items.iter().any(|i| i.item == item && i.segment == segment);
+            // An item that the table does not have was named above.
+            if !known(item)
+                && renamed.is_none_or(|r| items.iter().any(|i| i.item == r && i.segment == segment))
+            {
                 let remedy = format!(
                     "the table has no item of that name on the {}; name its item in [landmarks.rename]",
                     segment.name()
                 );
-                return Err(self.bad_value(marker, "without a place", &remedy));
+                wrong.note(self.bad_value(marker, "without a place", &remedy));
             }
             recorded.insert(item.to_string(), marker.to_string());
         }
+        wrong.finish()?;
         Ok((items, recorded))
     }
 
@@ -255,90 +284,83 @@ impl TrialFile {
         recorded: &Recorded,
         tracks: &[MarkerTrack],
         data: Option<&Path>,
-    ) -> Result<(), InputError> {
+        wrong: &mut Mistakes,
+    ) {
         match self.landmarks.source {
             Source::Table => {
-                let (items, names) = self.landmark_table(data)?;
+                let Some((items, names)) = wrong.keep(self.landmark_table(data)) else { return };
                 let place = |marker: &str| {
                     let item = names.iter().find(|(_, m)| *m == marker)?.0;
                     items.iter().find(|i| i.item == *item).map(|i| i.position)
                 };
                 let reference = |a: &str, b: &str| Some((place(a)? - place(b)?).norm());
-                doubts::compare_distances(recorded, tracks, "the table", reference)
+                doubts::compare_distances(recorded, tracks, "the table", reference, wrong);
             }
-            Source::Markers => Ok(()),
+            Source::Markers => {}
             Source::Functional => {
                 let wanted: Vec<_> = self.markers.all().collect();
                 for motion in self.landmarks.motions.iter().filter(|m| **m != self.motion) {
-                    let other = self.tracks(&self.record(motion, data)?, &wanted)?;
+                    let Some(other) = wrong.keep(self.record(motion, data)) else { continue };
+                    let other = self.tracks(&other, &wanted, wrong);
                     let find = |name: &str| other.iter().find(|t| t.name == name);
                     let reference = |a: &str, b: &str| doubts::distance(find(a)?, find(b)?).map(|d| d.0);
-                    doubts::compare_distances(
-                        recorded,
-                        tracks,
-                        &format!("`{}`", motion.display()),
-                        reference,
-                    )?;
+                    let source = format!("`{}`", motion.display());
+                    doubts::compare_distances(recorded, tracks, &source, reference, wrong);
                 }
-                Ok(())
             }
         }
     }
 
-    /// Each source has its own keys: none missing, none of another source.
-    pub(super) fn check_landmarks(&self) -> Result<(), InputError> {
+    /// Each source has its own keys: none missing, none of another source. No marker stands for two landmarks.
+    pub(super) fn check_landmarks(&self, wrong: &mut Mistakes) {
         let entry = &self.landmarks;
         let markers = entry.markers();
         let given: Vec<&str> = markers.iter().filter(|m| m.1.is_some()).map(|m| m.0).collect();
-        let need = |keys: &[&str]| match keys.iter().find(|k| !given.contains(k)) {
-            Some(key) => Err(self.bad_value(
-                "source",
-                format!("without `{key}`"),
-                "name that landmark marker in [landmarks]",
-            )),
-            None => Ok(()),
+        let need = |keys: &[&str], wrong: &mut Mistakes| {
+            for key in keys.iter().filter(|k| !given.contains(k)) {
+                let remedy = "name that landmark marker in [landmarks]";
+                wrong.note(self.bad_value("source", format!("without `{key}`"), remedy));
+            }
         };
-        let unused = |key: &str, present: bool| {
-            let remedy = "this source of landmarks does not use it; remove it";
-            if present { Err(self.bad_value(key, "given", remedy)) } else { Ok(()) }
+        let unused = |key: &str, present: bool, wrong: &mut Mistakes| {
+            if present {
+                let remedy = "this source of landmarks does not use it; remove it";
+                wrong.note(self.bad_value(key, "given", remedy));
+            }
         };
         let base =
             ["right_asis", "left_asis", "right_psis", "left_psis", "heel", "metatarsal_1", "metatarsal_5"];
         match entry.source {
             Source::Table => {
                 if entry.table.is_none() {
-                    return Err(self.bad_value("source", "\"table\" without `table`", "name the table"));
+                    wrong.note(self.bad_value("source", "\"table\" without `table`", "name the table"));
                 }
-                unused(given.first().unwrap_or(&""), !given.is_empty())?;
-                unused("static", entry.static_trial.is_some())?;
-                unused("motions", !entry.motions.is_empty())?;
+                given.iter().for_each(|key| unused(key, true, wrong));
+                unused("static", entry.static_trial.is_some(), wrong);
+                unused("motions", !entry.motions.is_empty(), wrong);
             }
             Source::Markers => {
-                need(&base)?;
-                need(&["lateral_epicondyle", "medial_epicondyle", "lateral_malleolus", "medial_malleolus"])?;
-                unused("motions", !entry.motions.is_empty())?;
+                need(&base, wrong);
+                let of_markers =
+                    ["lateral_epicondyle", "medial_epicondyle", "lateral_malleolus", "medial_malleolus"];
+                need(&of_markers, wrong);
+                unused("motions", !entry.motions.is_empty(), wrong);
             }
             Source::Functional => {
-                need(&base)?;
+                need(&base, wrong);
                 if entry.motions.is_empty() {
-                    return Err(self.bad_value(
-                        "source",
-                        "\"functional\" without `motions`",
-                        "list the recordings for it",
-                    ));
+                    let value = "\"functional\" without `motions`";
+                    wrong.note(self.bad_value("source", value, "list the recordings for it"));
                 }
-                unused("static", entry.static_trial.is_some())?;
+                unused("static", entry.static_trial.is_some(), wrong);
             }
         }
         if entry.source != Source::Table {
-            unused("table", entry.table.is_some())?;
-            unused("rename", !entry.rename.is_empty())?;
+            unused("table", entry.table.is_some(), wrong);
+            unused("rename", !entry.rename.is_empty(), wrong);
             if entry.hip_centre == Some(HipCentre::By(HipRule::Table)) {
-                return Err(self.bad_value(
-                    "hip_centre",
-                    "\"table\"",
-                    "there is no table; use \"harrington\" or three numbers",
-                ));
+                let remedy = "there is no table; use \"harrington\" or three numbers";
+                wrong.note(self.bad_value("hip_centre", "\"table\"", remedy));
             }
         }
         if let Some(HipCentre::At(p)) = entry.hip_centre
@@ -348,9 +370,43 @@ impl TrialFile {
             let remedy = format!(
                 "give three numbers in m from the midpoint of the ASISs: forward ({x}), up ({y}), towards the leg ({z})"
             );
-            return Err(self.bad_value("hip_centre", format!("{p:?}"), &remedy));
+            wrong.note(self.bad_value("hip_centre", format!("{p:?}"), &remedy));
         }
-        Ok(())
+        self.check_roles(wrong);
+    }
+
+    /// One marker cannot stand for two landmarks, nor be a landmark of one segment and move with another.
+    fn check_roles(&self, wrong: &mut Mistakes) {
+        let markers = self.landmarks.markers();
+        let named = |k: usize| Some((markers[k].0, markers[k].1?, markers[k].2));
+        for (key, name, segment) in (0..markers.len()).filter_map(named) {
+            let first = (0..markers.len()).filter_map(named).find(|m| m.1 == name).map_or(key, |m| m.0);
+            // A marker on the sacrum stands for both posterior spines: only their midpoint is used.
+            let sacrum = [first, key].iter().all(|k| k.ends_with("_psis"));
+            if first != key && !sacrum {
+                let remedy =
+                    format!("that marker stands for `{first}` already; one of the two is another marker");
+                wrong.note(self.bad_value(key, format!("`{name}`"), &remedy));
+            }
+            // The patella has no segment of its own in [markers]; its marker does no harm on thigh or shank.
+            let elsewhere = |m: &(&str, SegmentId)| m.0 == name && m.1 != segment && key != "patella";
+            if let Some((_, other)) = self.markers.all().find(elsewhere) {
+                let remedy = format!(
+                    "this landmark is on the {}, but [markers] lists the marker for the {}; correct one of the two",
+                    segment.name(),
+                    other.name()
+                );
+                wrong.note(self.bad_value(key, format!("`{name}`"), &remedy));
+            }
+        }
+        let mut items: BTreeMap<&str, &str> = BTreeMap::new();
+        for (item, marker) in &self.landmarks.rename {
+            if let Some(first) = items.insert(marker, item) {
+                let remedy =
+                    format!("that marker stands for `{first}` already; one of the two is another marker");
+                wrong.note(self.bad_value(item, format!("`{marker}`"), &remedy));
+            }
+        }
     }
 }
 

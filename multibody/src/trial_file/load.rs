@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
-use super::{LengthUnit, TrialFile, doubts, force};
-use crate::error::{InputError, nearest};
+use super::{LengthUnit, TrialFile, doubts, force, names};
+use crate::error::{InputError, Mistakes, nearest};
 use crate::natural::SegmentId;
 use crate::read::{self, MarkerRecording, c3d};
 use crate::trial::{MarkerTrack, Side, Trial};
@@ -18,24 +18,62 @@ pub(super) struct Recorded {
     pub c3d: Option<c3d::C3d>,
 }
 
-impl TrialFile {
-    /// Reads the recordings and makes the trial. `data`: folder of the recordings, besides that of the trial file.
-    pub fn load(&self, data: Option<&Path>) -> Result<Trial, InputError> {
-        let recorded = self.record(&self.motion, data)?;
-        let wanted: Vec<_> = self.markers.all().collect();
-        let mut markers = self.tracks(&recorded, &wanted)?;
-        let landmarks = self.tracks(&recorded, &self.landmark_markers_of_the_trial())?;
-        doubts::examine(self, &recorded, &markers, &landmarks)?;
-        self.compare_with_other_sources(&recorded, &markers, data)?;
+impl Recorded {
+    /// Index of a marker, whose prefix may be left away or be one too many.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        names::find(&self.markers.names, name).ok().flatten()
+    }
+}
 
-        self.check_cut_off("motion_hz", self.filter.motion_hz, recorded.markers.rate_hz)?;
-        let plates = force::plates(self, &recorded, data)?;
-        let steps = force::steps(self, &plates, &recorded.markers, &markers)?;
-        let (start, end) = force::range(self, &plates, &steps, &recorded)?;
+impl TrialFile {
+    /// Reads the recordings and makes the trial; every mistake is named. `data`: folder of the recordings, besides that of the trial file.
+    pub fn load(&self, data: Option<&Path>) -> Result<Trial, InputError> {
+        let mut wrong = Mistakes::default();
+        let trial = self.gather(data, &mut wrong);
+        wrong.finish()?;
+        trial.ok_or_else(|| self.bad_value("motion", format!("`{}`", self.motion.display()), "no trial"))
+    }
+
+    /// What rarely is as the file says, a sentence each; nothing is refused for it. `trial`: what [`TrialFile::load`] made.
+    pub fn doubts(&self, trial: &Trial) -> Vec<String> {
+        doubts::rarely_true(self, trial)
+    }
+
+    /// Goes as far as the mistakes let it: what hangs on something wrong is not examined.
+    fn gather(&self, data: Option<&Path>, wrong: &mut Mistakes) -> Option<Trial> {
+        let others =
+            self.force.file.iter().chain(&self.landmarks.static_trial).chain(&self.landmarks.motions);
+        for given in others {
+            wrong.keep(self.find(given, data));
+        }
+        let recorded = wrong.keep(self.record(&self.motion, data))?;
+        let wanted: Vec<_> = self.markers.all().collect();
+        let mut markers = self.tracks(&recorded, &wanted, wrong);
+        let landmarks = self.tracks(&recorded, &self.landmark_markers_of_the_trial(), wrong);
+        let complete = wrong.is_empty();
+        let seen = |segment| markers.iter().any(|t: &MarkerTrack| t.segment == segment);
+        // The size of a leg of which a segment is missing says nothing.
+        if markers.len() == wanted.len()
+            || [SegmentId::Pelvis, SegmentId::Thigh, SegmentId::Foot].into_iter().all(seen)
+        {
+            doubts::examine(self, &recorded, &markers, &landmarks, wrong);
+        }
+        if complete {
+            self.compare_with_other_sources(&recorded, &markers, data, wrong);
+        } else if self.landmarks.source == super::Source::Table {
+            wrong.keep(self.landmark_table(data));
+        }
+        wrong.keep(self.check_cut_off("motion_hz", self.filter.motion_hz, recorded.markers.rate_hz));
+        let plates = force::plates(self, &recorded, data, wrong);
+        if !wrong.is_empty() {
+            return None; // whose step it is cannot be told with wrong markers or plates
+        }
+        let steps = force::steps(self, &plates, &recorded.markers, &markers, wrong)?;
+        let (start, end) = wrong.keep(force::range(self, &plates, &steps, &recorded))?;
         let mut ground = force::ground_reaction(&plates, &steps);
         let n = ground.time.len();
         let force_rate = (n - 1) as f64 / (ground.time[n - 1] - ground.time[0]);
-        self.check_cut_off("force_hz", self.filter.force_hz, force_rate)?;
+        wrong.keep(self.check_cut_off("force_hz", self.filter.force_hz, force_rate))?;
 
         for track in &mut markers {
             fill_gaps(&mut track.position, self.gaps.fill_up_to_frames);
@@ -48,7 +86,7 @@ impl TrialFile {
         }
         let (first, rate) = (recorded.markers.time[0], recorded.markers.rate_hz);
         let frame = |time: f64| ((time - first) * rate).round() as usize;
-        Ok(Trial {
+        Some(Trial {
             name: self.name(),
             side: self.subject.side,
             subject: self.subject(),
@@ -88,14 +126,16 @@ impl TrialFile {
                 remedy,
             });
         }
-        if self.zeros_missing {
+        // What a recording says of itself goes before what holds for all.
+        let own = self.recording.iter().find(|r| r.file == given);
+        if own.and_then(|r| r.zeros_missing).unwrap_or(self.zeros_missing) {
             markers.zeros_to_gaps();
         }
-        let scale = match self.units {
+        let scale = match own.and_then(|r| r.units).or(self.units) {
             Some(unit) => unit.metres() / read::metres_per(&markers.file_unit).unwrap_or(1.0),
             None => 1.0,
         };
-        let turn = self.axes.rotation() * scale;
+        let turn = own.and_then(|r| r.axes).unwrap_or(self.axes).rotation() * scale;
         markers.position.iter_mut().flatten().flatten().for_each(|p| *p = turn * *p);
         for plate in c3d.iter_mut().flat_map(|c| &mut c.plates) {
             plate.corners.iter_mut().for_each(|c| *c *= scale);
@@ -104,16 +144,27 @@ impl TrialFile {
         Ok(Recorded { path, markers, c3d })
     }
 
-    /// The paths of named markers.
+    /// The paths of named markers; those that cannot be used are left out and noted.
     pub(super) fn tracks(
         &self,
         recorded: &Recorded,
         wanted: &[(&str, SegmentId)],
-    ) -> Result<Vec<MarkerTrack>, InputError> {
+        wrong: &mut Mistakes,
+    ) -> Vec<MarkerTrack> {
+        let track = |&(name, segment): &(&str, SegmentId)| self.one_track(recorded, name, segment);
+        wanted.iter().filter_map(|w| wrong.keep(track(w))).collect()
+    }
+
+    fn one_track(
+        &self,
+        recorded: &Recorded,
+        name: &str,
+        segment: SegmentId,
+    ) -> Result<MarkerTrack, InputError> {
         let m = &recorded.markers;
-        let mut tracks = Vec::with_capacity(wanted.len());
-        for &(name, segment) in wanted {
-            let Some(index) = m.index(name) else {
+        let index = match names::find(&m.names, name) {
+            Ok(Some(index)) => index,
+            Ok(None) => {
                 return Err(InputError::UnknownName {
                     file: self.path.clone(),
                     line: self.line_of(name),
@@ -121,37 +172,43 @@ impl TrialFile {
                     within: recorded.path.clone(),
                     nearest: nearest(name, m.names.iter().map(String::as_str)),
                 });
-            };
-            if m.names.iter().filter(|n| *n == name).count() > 1 {
-                let remedy = "the recording has two markers of that name; rename one of them";
-                return Err(self.bad_value(name, "ambiguous", remedy));
             }
-            let position = m.position[index].clone();
-            let file = recorded.path.clone();
-            if position.iter().all(Option::is_none) {
-                let zeros = self.zeros_missing;
-                return Err(InputError::NeverSeen {
-                    file,
-                    marker: name.to_string(),
-                    frames: position.len(),
-                    zeros,
-                });
+            Err(names::Ambiguous(candidates)) => {
+                let remedy = match candidates.iter().all(|c| *c == candidates[0]) {
+                    true => "the recording has two markers of that name; rename one of them".to_string(),
+                    false => format!(
+                        "the recording has {}; write the name with its prefix",
+                        candidates.join(" and ")
+                    ),
+                };
+                return Err(self.bad_value(name, "ambiguous", &remedy));
             }
-            if let Some(frame) = position.iter().position(|p| *p == Some(Vector3::zeros())) {
-                return Err(InputError::ExactZero {
-                    file,
-                    frame: m.first_frame + frame,
-                    marker: name.to_string(),
-                });
-            }
-            tracks.push(MarkerTrack { name: name.to_string(), segment, position });
+        };
+        let position = m.position[index].clone();
+        let file = recorded.path.clone();
+        if position.iter().all(Option::is_none) {
+            let (marker, frames, zeros) = (name.to_string(), position.len(), self.zeros_missing);
+            return Err(InputError::NeverSeen { file, marker, frames, zeros });
         }
-        Ok(tracks)
+        if let Some(frame) = position.iter().position(|p| *p == Some(Vector3::zeros())) {
+            let (frame, marker) = (m.first_frame + frame, name.to_string());
+            return Err(InputError::ExactZero { file, frame, marker });
+        }
+        Ok(MarkerTrack { name: name.to_string(), segment, position })
     }
 }
 
 impl LengthUnit {
-    fn metres(self) -> f64 {
+    /// As written in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            LengthUnit::M => "m",
+            LengthUnit::Cm => "cm",
+            LengthUnit::Mm => "mm",
+        }
+    }
+
+    pub(super) fn metres(self) -> f64 {
         match self {
             LengthUnit::M => 1.0,
             LengthUnit::Cm => 1e-2,

@@ -6,10 +6,12 @@
 mod axes;
 mod doubts;
 mod force;
+mod guess;
+mod keys;
 mod landmarks;
 mod load;
+mod names;
 mod paths;
-mod toml_error;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,9 +19,12 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 pub use axes::{Axes, SignedAxis};
+pub use guess::{Guess, Wishes, guess};
+pub use keys::KEYS;
 pub use landmarks::{LandmarkSpec, Landmarks, Roles, read_landmarks};
 
-use crate::error::InputError;
+use crate::error::{InputError, Mistakes, Place};
+use crate::keys::examine;
 use crate::natural::SegmentId;
 use crate::read::file_bytes;
 use crate::trial::{Filters, Sex, Side, Subject};
@@ -63,6 +68,23 @@ pub struct TrialFile {
     /// What to do about gaps.
     #[serde(default)]
     pub gaps: GapEntry,
+    /// Recordings that differ from `motion` in axes, units or gaps.
+    #[serde(default)]
+    pub recording: Vec<RecordingEntry>,
+}
+
+/// `[[recording]]`: what is absent is as for `motion`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordingEntry {
+    /// As named in `static` or `motions`.
+    pub file: PathBuf,
+    /// Which of its axes point forward, up and right.
+    pub axes: Option<Axes>,
+    /// Overrides the unit of length that it claims.
+    pub units: Option<LengthUnit>,
+    /// Exact zeros in it mean: not seen.
+    pub zeros_missing: Option<bool>,
 }
 
 /// Units of length.
@@ -288,12 +310,25 @@ impl TrialFile {
 
     /// Reads a trial file that is in memory; `path` tells the folder and is named in errors.
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self, InputError> {
-        let text = crate::read::decode(path, bytes)?;
-        let mut file: TrialFile = toml::from_str(text).map_err(|e| toml_error::translate(path, text, &e))?;
+        let mut wrong = Mistakes::default();
+        let file = Self::examine(path, bytes, &mut wrong);
+        wrong.finish()?;
+        file.ok_or_else(|| InputError::Malformed {
+            file: path.to_path_buf(),
+            at: Place::Whole,
+            problem: "no trial file".into(),
+            remedy: "see docs/keys.md".into(),
+        })
+    }
+
+    /// Notes every mistake. What can be used in spite of them comes back, so that the recordings can be examined, too.
+    pub fn examine(path: &Path, bytes: &[u8], wrong: &mut Mistakes) -> Option<Self> {
+        let text = wrong.keep(crate::read::decode(path, bytes))?;
+        let mut file: TrialFile = examine(path, text, KEYS, wrong)?.fill(path, text, wrong)?;
         file.path = path.to_path_buf();
         file.text = text.to_string();
-        file.check_values()?;
-        Ok(file)
+        file.check_values(wrong);
+        Some(file)
     }
 
     /// Short name: that of the file without ending.
@@ -325,45 +360,25 @@ impl TrialFile {
         self.landmarks.hip_centre.unwrap_or(HipCentre::By(default))
     }
 
-    fn check_values(&self) -> Result<(), InputError> {
-        for (key, value, low, high, remedy) in [
-            ("mass_kg", self.subject.mass_kg, 10.0, 400.0, "give the body mass in kg (10 to 400)"),
-            ("height_m", self.subject.height_m, 0.5, 2.6, "give the standing height in m (0.5 to 2.6)"),
-            ("motion_hz", self.filter.motion_hz, 0.1, 1e4, "give a cut-off in Hz (0.1 to 10000)"),
-            ("force_hz", self.filter.force_hz, 0.1, 1e4, "give a cut-off in Hz (0.1 to 10000)"),
-            (
-                "contact_threshold_N",
-                self.filter.contact_threshold,
-                0.1,
-                500.0,
-                "give a force in N (0.1 to 500)",
-            ),
-        ] {
-            if !(low..=high).contains(&value) {
-                return Err(self.bad_value(key, value, remedy));
-            }
-        }
+    /// What more than one key must agree on; each by itself was examined with the table of keys.
+    fn check_values(&self, wrong: &mut Mistakes) {
         let range = &self.range;
         match (range.cycle, range.start_s, range.end_s) {
-            (Some(n), None, None) if !(1..=1000).contains(&n) => {
-                return Err(self.bad_value("cycle", n, "cycles count from 1, to 1000 at most"));
-            }
             (Some(_), None, None) => {}
             (None, Some(a), Some(b)) if a.is_finite() && b.is_finite() && a < b => {}
             (None, Some(a), Some(_)) => {
-                return Err(self.bad_value("start_s", a, "it must be less than `end_s`"));
+                wrong.note(self.bad_value("start_s", a, "it must be less than `end_s`"));
             }
-            _ => {
-                return Err(self.bad_value(
-                    "[range]",
-                    "incomplete",
-                    "give `cycle`, or `start_s` and `end_s`",
-                ));
-            }
+            _ => wrong.note(self.bad_value(
+                "[range]",
+                "incomplete or contradicts itself",
+                "give `cycle`, or `start_s` and `end_s`",
+            )),
         }
-        for (key, axes) in
-            std::iter::once(("[axes]", &self.axes)).chain(self.force.axes.iter().map(|a| ("axes", a)))
-        {
+        let own = std::iter::once(("[axes]", &self.axes));
+        let force = self.force.axes.iter().map(|a| ("[force.axes]", a));
+        let others = self.recording.iter().filter_map(|r| Some(("[recording.axes]", r.axes.as_ref()?)));
+        for (key, axes) in own.chain(force).chain(others) {
             let turn = axes.rotation().determinant();
             if turn != 1.0 {
                 let remedy = if turn == 0.0 {
@@ -371,35 +386,48 @@ impl TrialFile {
                 } else {
                     "these axes mirror the recording; forward x, up y, right z must be a right-handed set"
                 };
-                return Err(self.bad_value(key, axes, remedy));
+                wrong.note(self.bad_value(key, axes, remedy));
             }
         }
         if self.force.plates.is_empty() {
-            return Err(self.bad_value("plates", "empty", "name the plates that the foot steps on"));
+            wrong.note(self.bad_value("plates", "empty", "name the plates that the foot steps on"));
         }
-        self.check_markers()?;
-        self.check_landmarks()
+        self.check_recordings(wrong);
+        self.check_markers(wrong);
+        self.check_landmarks(wrong);
     }
 
-    fn check_markers(&self) -> Result<(), InputError> {
+    /// `[[recording]]` says something of a recording that is used, once.
+    fn check_recordings(&self, wrong: &mut Mistakes) {
+        let named = || self.landmarks.static_trial.iter().chain(&self.landmarks.motions);
+        for (k, entry) in self.recording.iter().enumerate() {
+            let file = entry.file.display();
+            if !named().any(|n| *n == entry.file) {
+                let remedy =
+                    "name a recording of `static` or `motions`; for `motion` the keys stand at the top";
+                wrong.note(self.bad_value("[[recording]]", format!("of `{file}`"), remedy));
+            }
+            if self.recording[..k].iter().any(|r| r.file == entry.file) {
+                wrong.note(self.bad_value("[[recording]]", format!("of `{file}` again"), "say it once"));
+            }
+        }
+    }
+
+    fn check_markers(&self, wrong: &mut Mistakes) {
         let mut seen: BTreeMap<&str, SegmentId> = BTreeMap::new();
         for (name, segment) in self.markers.all() {
             if let Some(first) = seen.insert(name, segment) {
                 let remedy = format!("the marker is listed for the {} already; list it once", first.name());
-                return Err(self.bad_value(segment.name(), format!("`{name}`"), &remedy));
+                wrong.note(self.bad_value(segment.name(), format!("`{name}`"), &remedy));
             }
         }
         for segment in [SegmentId::Pelvis, SegmentId::Thigh, SegmentId::Shank, SegmentId::Foot] {
-            let n = seen.values().filter(|s| **s == segment).count();
+            let n = self.markers.all().filter(|(_, s)| *s == segment).count();
             if n < 3 {
-                return Err(self.bad_value(
-                    segment.name(),
-                    format!("{n} markers"),
-                    "a segment needs three markers",
-                ));
+                let remedy = "a segment needs three markers";
+                wrong.note(self.bad_value(segment.name(), format!("{n} markers"), remedy));
             }
         }
-        Ok(())
     }
 
     fn bad_value(&self, key: &str, value: impl std::fmt::Display, remedy: &str) -> InputError {

@@ -1,9 +1,13 @@
 //! Where the files of a trial may lie: below the folder of the trial file or below the data folder, nowhere else.
+//!
+//! What a trial file says must not lead out by `..` or an absolute path. A symbolic link inside these folders is followed: whoever laid it there
+//! has allowed it, which no text of a trial file can.
 
 use std::path::{Component, Path, PathBuf};
 
 use super::TrialFile;
 use crate::error::InputError;
+use crate::shipped::{self, Kind};
 
 impl TrialFile {
     /// Every file that the trial is made from, the trial file first.
@@ -21,16 +25,20 @@ impl TrialFile {
         Ok(files)
     }
 
-    /// Finds a file named in the trial file. Links that lead out of the folders are refused like `../`.
+    /// Finds a file named in the trial file.
     pub(super) fn find(&self, given: &Path, data: Option<&Path>) -> Result<PathBuf, InputError> {
         self.find_below(given, &self.folders(data))
     }
 
-    /// Finds a table of landmarks; it may also lie in a folder `subjects` beside the folder of the trial file.
+    /// Finds a table of landmarks; it may also lie in a folder `subjects` beside the folder of the trial file, or be a shipped one.
     pub(super) fn find_table(&self, given: &Path, data: Option<&Path>) -> Result<PathBuf, InputError> {
+        let own = self.folders(None).into_iter().map(|folder| folder.join("../subjects"));
         let mut folders = self.folders(data);
-        folders.insert(1, folders[0].join("../subjects"));
-        self.find_below(given, &folders)
+        folders.splice(1..1, own);
+        self.find_below(given, &folders).or_else(|absent| {
+            let shipped = Kind::Subject.path().join(given);
+            shipped::text(&shipped).map(|_| shipped).ok_or(absent)
+        })
     }
 
     fn folders(&self, data: Option<&Path>) -> Vec<PathBuf> {
@@ -42,16 +50,18 @@ impl TrialFile {
     }
 
     fn find_below(&self, given: &Path, folders: &[PathBuf]) -> Result<PathBuf, InputError> {
-        let mut outside = given.is_absolute() || given.components().any(|c| c == Component::ParentDir);
+        let outright = given.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        let inside = |folder: &Path, path: &Path| match (folder.canonicalize(), path.canonicalize()) {
+            (Ok(folder), Ok(path)) => path.starts_with(&folder),
+            _ => false,
+        };
         for folder in folders {
             let path = folder.join(given);
-            let (Ok(real), Ok(real_folder)) = (path.canonicalize(), folder.canonicalize()) else { continue };
-            if real.starts_with(&real_folder) {
+            if path.exists() && (outright || inside(folder, &path)) {
                 return Ok(path);
             }
-            outside = true;
         }
-        if outside {
+        if !outright {
             return Err(InputError::PathEscapes { file: self.path.clone(), path: given.to_path_buf() });
         }
         let searched = folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");

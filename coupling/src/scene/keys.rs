@@ -1,0 +1,96 @@
+//! Every key of a scene, and telling a scene from a trial file.
+
+use std::path::Path;
+
+use multibody::InputError;
+use multibody::error::Place;
+use multibody::keys::Kind::{Either, File, Flag, Number, Section, Sections, Texts, Word};
+use multibody::keys::Need::{Default, Optional, Required};
+use multibody::keys::{Key, key, likeness};
+use multibody::trial_file;
+
+use super::{DRAWN_IN, FLEXIONS, RESIDUALS, RESOLUTIONS};
+
+/// One row per key of `SceneFile` and what is in it; a test compares them.
+#[rustfmt::skip]
+pub const KEYS: &[Key] = &[
+    key("trial", File, Default("\"walker\""), "", "The built-in walker, a trial file beside this one or in --data, or the name of a shipped trial", "\"DM_ngait_og3\""),
+    key("muscles", Either(&[Word(&["all", "none"]), Texts]), Default("\"all\""), "", "Muscles of the thigh that are simulated; none: the rigid leg alone", "[\"gluteus_maximus\", \"sartorius\"]"),
+    key("resolution_mm", Number(*RESOLUTIONS.start(), *RESOLUTIONS.end()), Default("12.0"), "mm", "Length of the edges of the mesh that is aimed at", "8.0"),
+    key("draw_in_mm", Number(*DRAWN_IN.start(), *DRAWN_IN.end()), Default("0.0"), "mm", "Surfaces of the muscles are drawn in by up to this, so that gaps between them grow by up to twice as much", "2.0"),
+    key("stress_free", Word(&["standing", "heel_strike"]), Default("\"standing\""), "", "Posture in which the mesh is free of stress; heel_strike is the reading of the publication", "\"heel_strike\""),
+    key("surfaces", File, Optional("the built-in thigh"), "", "Folder of closed muscle surfaces in m, beside a folder `bones`; beside this file or in --data", "\"muscles_fit\""),
+
+    key("accuracy", Section, Optional("the defaults of its keys"), "", "Forces out of balance at which a step counts as solved, norm over all nodes", ""),
+    key("accuracy.residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("0.1"), "N", "Without contact", "0.01"),
+    key("accuracy.contact_residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("10.0"), "N", "With contact; the last 10 N cost as much time as all before", "1.0"),
+
+    key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),
+    key("effects.fibres", Word(&["hill", "thermal", "none"]), Optional("hill; thermal where the mesh is free of stress at heel strike"), "", "Law of the fibres: force from activation and length, from contraction as in the publication, or passive tissue", "\"hill\""),
+    key("effects.shells", Flag, Default("true"), "", "Shells of 0.5 mm around the muscles (aponeuroses)", "false"),
+    key("effects.contact", Word(&["guarded", "cheap", "none"]), Default("\"guarded\""), "", "Contact between all muscles and bones: nothing passes through, a penalty on penetration, or none", "\"none\""),
+
+    key("step", Sections, Optional("both steps"), "", "Steps of the gait cycle that are solved", ""),
+    key("step.name", Word(&["heel_strike", "loading_response"]), Required, "", "Which step", "\"heel_strike\""),
+    key("step.knee_flexion_deg", Number(*FLEXIONS.start(), *FLEXIONS.end()), Optional("that of the trial"), "degrees", "Knee flexion in place of the trial's", "15.0"),
+];
+
+/// What a TOML file is, told by its keys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TomlKind {
+    /// A scene; an empty file is one, as every key of a scene has a default.
+    Scene,
+    /// A trial file.
+    Trial,
+}
+
+impl TomlKind {
+    /// By the keys at the top, misspelt ones included.
+    pub fn of(text: &str) -> TomlKind {
+        match likeness(text, trial_file::KEYS) > likeness(text, KEYS) {
+            true => TomlKind::Trial,
+            false => TomlKind::Scene,
+        }
+    }
+}
+
+/// Refuses a trial file where a scene is wanted, and a scene where a trial file is.
+pub fn wanted(kind: TomlKind, file: &Path, text: &str) -> Result<(), InputError> {
+    if TomlKind::of(text) == kind || text.trim().is_empty() {
+        return Ok(());
+    }
+    let (problem, remedy) = match kind {
+        TomlKind::Scene => (
+            "this is a trial file, not a scene",
+            "run `sartorius optimize` with it, or write a scene with `trial = \"FILE\"`",
+        ),
+        TomlKind::Trial => {
+            ("this is a scene, not a trial file", "run `sartorius compare`, `step` or `plan` with it")
+        }
+    };
+    let (file, problem, remedy) = (file.to_path_buf(), problem.to_string(), remedy.to_string());
+    Err(InputError::Malformed { file, at: Place::Whole, problem, remedy })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use multibody::keys::{Filled, differences, template};
+
+    use super::super::{Scene, SceneFile};
+    use super::KEYS;
+
+    #[test]
+    fn every_field_has_a_row_and_every_row_a_field() {
+        assert_eq!(differences::<SceneFile>(KEYS), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_template_with_the_defaults_written_out_is_the_empty_scene() {
+        let read = |text: &str| Scene::parse(Path::new("x.toml"), text, None).unwrap();
+        let text = template(KEYS, &Filled::default());
+        assert!(text.contains("resolution_mm = 12.0 #") && text.contains("# [[step]]"), "{text}");
+        assert_eq!(Scene { text: String::new(), ..read(&text) }, Scene { text: String::new(), ..read("") });
+    }
+}
