@@ -60,7 +60,7 @@ fn every_mistake_of_a_trial_file_is_named_at_once() {
     );
     walking
         .replace("side = \"rigth\"\nshoe = 44", "side = \"right\"")
-        .replace("\"heel\"]", "\"hel\", \"heel\"]");
+        .replace("foot = [", "foot = [\"hel\", ");
     walking.exchange("RASI", "LASI", 0);
     // With nothing but values wrong, the recordings are examined, too.
     assert_named(

@@ -384,7 +384,7 @@ fn mirrored_and_turned_recordings_are_noticed() {
     refused!(axes("{ x = \"x\", y = \"y\", z = \"x\" }"), InputError::BadValue { line: 1, .. }, "used once");
     refused!(
         axes("{ x = \"x\", y = \"y\", z = \"w\" }"),
-        InputError::Malformed { at: Place::Line(1), .. },
+        InputError::BadValue { line: 1, .. },
         "`w`"
     );
 }
@@ -596,7 +596,7 @@ fn values_out_of_range_are_named() {
         ("table = \"DM.csv\"\n", "", "without `table`"),
         ("source = \"table\"", "source = \"table\"\nright_asis = \"RASI\"", "does not use it"),
         ("source = \"table\"", "source = \"table\"\nhip_centre = [0.1, 77.0, 0.1]", "three numbers in m"),
-        ("source = \"table\"", "source = \"table\"\nhip_centre = \"tabel\"", "`regression`"),
+        ("source = \"table\"", "source = \"table\"\nhip_centre = \"tabel\"", "\"regression\""),
         ("\"thigh superior\" =", "\"thigh superor\" =", "`thigh superior`"),
         ("\"thigh superior\" = \"thigh_superior\"", "\"thigh superior\" = \"heel\"", "on the foot"),
         // Numbers in the axes of a left leg, and with up taken for down.

@@ -365,6 +365,7 @@ impl Mistakes {
     pub fn note(&mut self, error: InputError) {
         match error {
             InputError::Several(errors) => errors.into_iter().for_each(|e| self.note(e)),
+            one if self.names_the_same_pair(&one) => {}
             one => {
                 let text = one.to_string();
                 if self.0.len() < MOST_MISTAKES && self.0.iter().all(|e| e.to_string() != text) {
@@ -372,6 +373,16 @@ impl Mistakes {
                 }
             }
         }
+    }
+
+    /// Two markers that were found exchanged are so by every other measure, too.
+    fn names_the_same_pair(&self, error: &InputError) -> bool {
+        let pair = |e: &InputError| match e {
+            InputError::Swapped { first, second, .. } if first < second => Some((first.clone(), second.clone())),
+            InputError::Swapped { first, second, .. } => Some((second.clone(), first.clone())),
+            _ => None,
+        };
+        pair(error).is_some_and(|p| self.0.iter().any(|e| pair(e).as_ref() == Some(&p)))
     }
 
     /// The value of a result, or its mistake noted.

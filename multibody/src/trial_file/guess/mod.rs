@@ -160,7 +160,8 @@ pub fn guess(wishes: &Wishes) -> Result<Guess, InputError> {
             .count()
     };
     let most = legs.iter().map(|(_, f)| complete(f)).max().unwrap_or(0);
-    let turned = legs.first().and_then(|(_, found)| orientation(&recording, found));
+    let fullest = legs.iter().rev().max_by_key(|(_, found)| complete(found));
+    let turned = fullest.and_then(|(_, found)| orientation(&recording, found));
     let table = forces::table(wishes, &recording)?;
     let steps: Vec<forces::Steps> = legs
         .iter()
@@ -302,7 +303,7 @@ fn heading(
     text.push(format!(
         "{} frames at {} Hz, {:.4} to {:.4} s. {} markers, {} of them seen.",
         m.time.len(),
-        m.rate_hz,
+        (m.rate_hz * 100.0).round() / 100.0,
         m.time.first().unwrap_or(&0.0),
         m.time.last().unwrap_or(&0.0),
         m.names.len(),
