@@ -382,11 +382,7 @@ fn mirrored_and_turned_recordings_are_noticed() {
     };
     refused!(axes("{ x = \"x\", y = \"y\", z = \"-z\" }"), InputError::BadValue { line: 1, .. }, "mirror");
     refused!(axes("{ x = \"x\", y = \"y\", z = \"x\" }"), InputError::BadValue { line: 1, .. }, "used once");
-    refused!(
-        axes("{ x = \"x\", y = \"y\", z = \"w\" }"),
-        InputError::BadValue { line: 1, .. },
-        "`w`"
-    );
+    refused!(axes("{ x = \"x\", y = \"y\", z = \"w\" }"), InputError::BadValue { line: 1, .. }, "`w`");
 }
 
 #[test]

@@ -378,7 +378,9 @@ impl Mistakes {
     /// Two markers that were found exchanged are so by every other measure, too.
     fn names_the_same_pair(&self, error: &InputError) -> bool {
         let pair = |e: &InputError| match e {
-            InputError::Swapped { first, second, .. } if first < second => Some((first.clone(), second.clone())),
+            InputError::Swapped { first, second, .. } if first < second => {
+                Some((first.clone(), second.clone()))
+            }
             InputError::Swapped { first, second, .. } => Some((second.clone(), first.clone())),
             _ => None,
         };
