@@ -586,10 +586,7 @@ fn commands_of_the_tutorial() -> Vec<(Vec<String>, Vec<String>)> {
 fn the_tutorial_does_what_it_says() {
     let Some(data) = shared("gait") else { return };
     let temporary = tempfile::tempdir().unwrap();
-    let (folder, subjects) = (temporary.path().join("day"), temporary.path().join("subjects"));
-    fs::create_dir(&folder).unwrap();
-    fs::create_dir(&subjects).unwrap();
-    fs::copy(root().join("gait-data/subjects/DM.csv"), subjects.join("DM.csv")).unwrap();
+    let folder = temporary.path();
     for file in [
         "dm/DM_ngait_og3_new.trc",
         "dm/DM_ngait_og3_grf.sto",
@@ -609,7 +606,7 @@ fn the_tutorial_does_what_it_says() {
     assert_eq!(commands.len(), 8, "{commands:?}");
     for (arguments, promised) in commands {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        let output = sartorius(&arguments, &folder);
+        let output = sartorius(&arguments, folder);
         let said =
             String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
