@@ -74,7 +74,7 @@ fn every_mistake_of_a_trial_file_is_named_at_once() {
             &["`hip_centre`", "three numbers in m"],
             &["`hel`", "without a place"],
             &["`hel` is not in", "did you mean `heel`"],
-            &["markers of the leg span", "172 m tall"],
+            &["`LASI` and `RASI` seem exchanged"],
         ],
     );
 }

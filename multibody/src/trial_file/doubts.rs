@@ -132,6 +132,9 @@ fn size(file: &TrialFile, recorded: &Recorded, tracks: &[MarkerTrack]) -> Result
     spans.sort_by(f64::total_cmp);
     let Some(&span) = spans.get(spans.len() / 2) else { return Ok(()) };
     let height = file.subject.height_m;
+    if !(0.5..=2.6).contains(&height) {
+        return Ok(()); // the height itself was refused and tells nothing of the recording
+    }
     if SPAN_OVER_HEIGHT.contains(&(span / height)) {
         return Ok(());
     }
