@@ -518,7 +518,8 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     let measured = "time_s,medial_N,lateral_N\n0.0,500,300\n0.3,900,500\n0.6,900,500\n1.2,500,300\n";
     fs::write(folder.path().join("knee.csv"), measured).unwrap();
     fs::write(folder.path().join("thermal.toml"), "muscles = [\"gracilis\"]\nstress_free = \"heel_strike\"\nresolution_mm = 20\n[effects]\ncontact = \"none\"\n").unwrap();
-    fs::write(folder.path().join("hill.toml"), "muscles = [\"gracilis\"]\nresolution_mm = 20\n").unwrap();
+    fs::write(folder.path().join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n")
+        .unwrap();
     for arguments in [
         &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv"][..],
         &["compare", "hill.toml", "--out", "c"],

@@ -144,7 +144,10 @@ impl Case {
         let table = table.and_then(|given| Some((given, inputs.iter().rfind(|path| path.ends_with(given))?)));
         let text = |path: &Path| {
             let io = |source| InputError::Io { file: path.to_path_buf(), source };
-            std::fs::read_to_string(path).map_err(io)
+            match multibody::shipped::text(path) {
+                Some(text) => Ok(text.to_string()),
+                None => std::fs::read_to_string(path).map_err(io),
+            }
         };
         let mut texts =
             vec![(path.file_name().unwrap_or_default().to_string_lossy().into_owned(), text(path)?)];
