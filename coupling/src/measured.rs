@@ -37,7 +37,7 @@ pub enum MeasuredError {
     },
     /// Nothing in common.
     #[error(
-        "measured knee force covers {from:.3} to {to:.3} s and shares {frames} solved frames with the trial \
+        "measured knee force covers {from:.3} to {to:.3} s and shares {frames} frames with the trial \
          ({trial_from:.3} to {trial_to:.3} s); at least 2 are needed: do both use the same clock?"
     )]
     Overlap {
@@ -51,6 +51,16 @@ pub enum MeasuredError {
         trial_from: f64,
         /// Last frame \[s\].
         trial_to: f64,
+    },
+    /// Frames in common, but hardly any with a solution: no fault of the input.
+    #[error(
+        "measured knee force is not compared: of {frames} frames that it covers, {solved} are solved, and at least 2 are needed"
+    )]
+    Unsolved {
+        /// Frames that the measurement covers.
+        frames: usize,
+        /// Those with a solution.
+        solved: usize,
     },
     /// The model gave no such column.
     #[error("the results hold no column `{column}`; they have: {present}")]
@@ -125,12 +135,16 @@ impl Overlay {
         check(measured)?;
         let medial = reaction(effort, "knee_medial")?;
         let lateral = reaction(effort, "knee_lateral")?;
-        let mut time = Vec::new();
+        let (mut time, mut covered) = (Vec::new(), 0);
         let (mut m, mut l) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
         for (i, &t) in effort.time.iter().enumerate() {
             let (ym, yl) =
                 (at(&measured.time, &measured.medial, t), at(&measured.time, &measured.lateral, t));
-            if [ym, yl, medial[i], lateral[i]].iter().all(|v| v.is_finite()) {
+            if !(ym.is_finite() && yl.is_finite()) {
+                continue;
+            }
+            covered += 1;
+            if medial[i].is_finite() && lateral[i].is_finite() {
                 time.push(t);
                 m.0.push(ym);
                 m.1.push(medial[i]);
@@ -138,10 +152,13 @@ impl Overlay {
                 l.1.push(lateral[i]);
             }
         }
+        if time.len() < 2 && covered >= 2 {
+            return Err(MeasuredError::Unsolved { frames: covered, solved: time.len() });
+        }
         if time.len() < 2 {
             let end = |v: &[f64]| (v.first().copied().unwrap_or(0.0), v.last().copied().unwrap_or(0.0));
             let ((from, to), (trial_from, trial_to)) = (end(&measured.time), end(&effort.time));
-            return Err(MeasuredError::Overlap { from, to, frames: time.len(), trial_from, trial_to });
+            return Err(MeasuredError::Overlap { from, to, frames: covered, trial_from, trial_to });
         }
         let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect::<Vec<_>>();
         let total = (sum(&m.0, &l.0), sum(&m.1, &l.1));
@@ -249,6 +266,7 @@ mod tests {
             activations: empty(),
             reactions: Table { columns: vec!["knee_medial".into(), "knee_lateral".into()], values },
             reserves: empty(),
+            least_violation: empty(),
             verdicts: vec![],
         }
     }
@@ -318,5 +336,8 @@ mod tests {
         assert!(matches!(error(vec![0.0, f64::NAN]), MeasuredError::Time { row: 2, .. }));
         assert!(matches!(error(vec![5.0, 6.0]), MeasuredError::Overlap { frames: 0, .. }));
         assert!(matches!(error(vec![]), MeasuredError::Overlap { frames: 0, .. }));
+        let unsolved = effort(&[0.0, 1.0], &[f64::NAN; 2], &[0.0; 2]);
+        let error = Overlay::new(&measured(vec![0.0, 2.0]), &unsolved, 70.0).unwrap_err();
+        assert_eq!(error, MeasuredError::Unsolved { frames: 2, solved: 0 });
     }
 }

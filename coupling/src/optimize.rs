@@ -18,7 +18,7 @@ use multibody::trial_file::{self, HipRule, TrialFile};
 use multibody::walker::{Knee, walker};
 
 use crate::error::CommandError;
-use crate::measured::Overlay;
+use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
 
 /// What to optimize and how.
@@ -80,6 +80,8 @@ pub struct Optimized {
     pub hill: HillResult,
     /// Comparison with measured knee forces.
     pub measured: Option<Overlay>,
+    /// Why it was left out although asked for.
+    pub not_compared: Option<String>,
     /// Stage and its wall time.
     pub stages: Vec<(&'static str, Duration)>,
 }
@@ -177,11 +179,13 @@ pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, CommandError> {
     lap("sharing");
     let hill = activate(&model, &motion, &mut effort, &options.hill)?;
     lap("activations");
-    let measured = match measured {
-        Some(forces) => Some(Overlay::new(&forces, &effort, case.trial.subject.mass)?),
-        None => None,
+    let overlay = measured.map(|forces| Overlay::new(&forces, &effort, case.trial.subject.mass));
+    let (measured, not_compared) = match overlay.transpose() {
+        Ok(overlay) => (overlay, None),
+        Err(why @ MeasuredError::Unsolved { .. }) => (None, Some(why.to_string())),
+        Err(bad) => return Err(bad.into()),
     };
-    Ok(Optimized { case, model, motion, loads, effort, hill, measured, stages })
+    Ok(Optimized { case, model, motion, loads, effort, hill, measured, not_compared, stages })
 }
 
 fn source_name(source: &trial_file::Landmarks) -> &'static str {

@@ -145,7 +145,7 @@ pub fn rigid_step(
         return Err(format!("the frame of {} at {time:.3} s was not fitted: {why}", name.name()));
     }
     let verdict = &done.effort.verdicts[row];
-    if verdict.status == multibody::trial::Status::Failed {
+    if verdict.status != multibody::trial::Status::Solved {
         let why = verdict.reason.as_deref().unwrap_or("no reason given");
         return Err(format!("no muscle forces at {} ({time:.3} s): {why}", name.name()));
     }

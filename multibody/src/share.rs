@@ -143,15 +143,20 @@ pub fn share(
     for (k, sharing) in known.into_iter().zip(solved) {
         frames[k] = Some(sharing);
     }
-    let table = |columns: &[String], row: fn(&Sharing) -> &DVector<f64>| {
+    let table_of = |status: Status, columns: &[String], row: &dyn Fn(&Sharing) -> Vec<f64>| {
         let mut values = DMatrix::from_element(n, columns.len(), f64::NAN);
         for (k, frame) in frames.iter().enumerate() {
-            if let Some(frame) = frame {
-                values.row_mut(k).copy_from(&row(frame).transpose());
+            if let Some(frame) = frame.as_ref().filter(|f| f.verdict.status == status) {
+                values.row_mut(k).copy_from_slice(&row(frame));
             }
         }
         Table { columns: columns.to_vec(), values }
     };
+    let table = |columns: &[String], row: fn(&Sharing) -> &DVector<f64>| {
+        table_of(Status::Solved, columns, &|s| row(s).as_slice().to_vec())
+    };
+    let all = [names.muscles.as_slice(), names.reactions.as_slice()].concat();
+    let least_violation = table_of(Status::Infeasible, &all, &|s| [s.f.as_slice(), s.x.as_slice()].concat());
     let reserve_columns = if settings.reserves.is_some() { names.coordinates.as_slice() } else { &[] };
     let reserves = match settings.reserves {
         Some(_) => table(reserve_columns, |s| &s.s),
@@ -174,6 +179,7 @@ pub fn share(
         forces,
         activations,
         reserves,
+        least_violation,
         verdicts,
     })
 }

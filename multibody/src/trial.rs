@@ -215,18 +215,23 @@ pub struct Verdict {
 }
 
 /// Muscle, contact, ligament and bone forces and activations. Rows: reported frames only.
+///
+/// Frames that are not [`Status::Solved`] hold NaN, written as empty cells: what is no solution enters no curve and no statistic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effort {
     /// Times of the reported frames \[s\].
     pub time: Vec<f64>,
-    /// Tension per muscle \[N\], columns named like the muscle. Failed frames hold NaN, written as empty cells.
+    /// Tension per muscle \[N\], columns named like the muscle.
     pub forces: Table,
-    /// Activation per muscle, 0..1. Failed frames hold NaN, written as empty cells.
+    /// Activation per muscle, 0..1.
     pub activations: Table,
     /// Joint contact, ligament, tendon and bone forces \[N\].
     pub reactions: Table,
     /// Reserve moments per joint coordinate \[N·m\]; no columns where no reserves were asked for.
     pub reserves: Table,
+    /// Of infeasible frames the answer of least violation, or that of the raised strengths that were asked for: the columns of
+    /// `forces`, then those of `reactions` \[N\]. All other frames hold NaN.
+    pub least_violation: Table,
     /// Per frame.
     pub verdicts: Vec<Verdict>,
 }

@@ -15,10 +15,11 @@ use coupling::output::write_optimize;
 use coupling::report::{Summary, optimize_page};
 use multibody::kinematics::ANGLES;
 use multibody::sharing::REACTIONS;
-use multibody::trial::Status;
+use multibody::trial::{Status, Table};
+use nalgebra::DMatrix;
 
 use html::{check_page, classed, parse_html};
-use walk::{CYCLE, FRAMES, MARGIN, MOMENTS, MUSCLES, Walk, reaction_names};
+use walk::{CYCLE, FRAMES, MARGIN, MOMENTS, MUSCLES, UNSOLVED, Walk, reaction_names};
 
 fn write(walk: &Walk, folder: &Path) -> Vec<String> {
     write_optimize(folder, &walk.report(), RunRecord::new("optimize")).unwrap()
@@ -65,12 +66,18 @@ fn tables_have_the_promised_columns_and_give_back_the_numbers() {
         }
     }
     let (_, forces) = csv(&dir.path().join("muscle_forces.csv"));
+    // What is no solution is kept apart, under the same names.
+    let (header, least) = csv(&dir.path().join("least_violation.csv"));
+    assert_eq!(header.len(), 1 + MUSCLES.len() + reaction_names().len());
+    let times: Vec<&str> = least.iter().map(|row| row[0].as_str()).collect();
+    assert_eq!(times, [50, 51, 52].map(|i| format!("{:?}", walk.effort.time[i])));
+    assert_eq!(least[1][1], "1051.0");
     let (_, angles) = csv(&dir.path().join("kinematics.csv"));
     for i in 0..FRAMES {
         for j in 0..MUSCLES.len() {
             let wanted = walk.effort.forces.values[(i, j)];
             match forces[i][j + 1].as_str() {
-                "" => assert_eq!(i, 70, "only the failed frame is empty"),
+                "" => assert!(UNSOLVED.contains(&i), "frame {i} is empty"),
                 text => assert_eq!(text.parse::<f64>().unwrap(), wanted, "frame {i}, muscle {j}"),
             }
         }
@@ -281,10 +288,61 @@ fn frames_that_are_not_solved_appear_in_strip_and_text() {
         assert!(page.contains(text), "{text}");
     }
     assert!(page.contains("12.5"), "clipped share of gmax1");
-    // The failed frame breaks the curves and is hatched in the map of activations.
+    // Frames without a solution break the curves, and are hatched there and in the map of activations.
     let soleus = classed(&tags, "line").find(|a| a.get("data-name").is_some_and(|n| n == "soleus")).unwrap();
-    assert_eq!(soleus["d"].matches('M').count(), 2);
+    assert_eq!(soleus["d"].matches('M').count(), 4);
+    assert_eq!(soleus["d"].matches(['M', 'L']).count(), FRAMES - UNSOLVED.len());
     assert_eq!(classed(&tags, "missing").count(), 43);
+    assert!(page.contains("no solution") && page.contains("over 95 of 101 frames"));
+    let start = page.find("aria-label=\"Tibiofemoral contact").unwrap();
+    let figure =
+        &page[page[..start].rfind("<figure").unwrap()..start + page[start..].find("</figure>").unwrap()];
+    let hatched = parse_html(&format!("<!DOCTYPE html>{figure}</figure>"));
+    assert_eq!(classed(&hatched, "gap").count(), 1 + 3, "a key and three gaps");
+    assert!(!optimize_page(&Walk::new().report()).contains("class=\"gap\""), "nothing is missing there");
+}
+
+/// A measurement is drawn and scored where there is a solution; the curve does not bridge the others.
+#[test]
+fn frames_without_a_solution_are_not_scored_against_the_measurement() {
+    let whole = Walk::new().with_measured_knee();
+    let walk = Walk::new().spoil().with_measured_knee();
+    let overlay = walk.overlay.as_ref().unwrap();
+    assert_eq!((overlay.time.len(), overlay.frames_left_out), (FRAMES - UNSOLVED.len(), UNSOLVED.len()));
+    let solved = |i: &usize| !UNSOLVED.contains(i);
+    let total = &whole.overlay.as_ref().unwrap().total;
+    let squares = (0..FRAMES).filter(solved).map(|i| (total.model[i] - total.measured[i]).powi(2));
+    let rmse = (squares.sum::<f64>() / (FRAMES - UNSOLVED.len()) as f64).sqrt();
+    assert!((overlay.total.agreement.rmse_N - rmse).abs() < 1e-9 * rmse);
+    assert_eq!(Summary::of(&walk.report()).compared_frames, Some(95));
+    let page = optimize_page(&walk.report());
+    assert!(page.contains("over 95 of 101 frames, the others have no solution or no measurement"));
+    let tags = check_page(&page);
+    let curve = classed(&tags, "line").find(|a| a.get("data-name").is_some_and(|n| n == "measured")).unwrap();
+    assert_eq!(curve["d"].matches('M').count(), 4, "the curve bridges gaps");
+}
+
+#[test]
+fn reserves_are_announced_per_coordinate() {
+    let mut walk = Walk::new();
+    walk.loads.moments.values.fill(20.0);
+    let mut values = DMatrix::zeros(FRAMES, MOMENTS.len());
+    values[(30, 1)] = -15.0; // of 20 N·m; muscles make 35
+    values[(40, 3)] = 0.1;
+    walk.effort.reserves = Table { columns: MOMENTS.map(String::from).to_vec(), values };
+    walk.effort.verdicts[30].reserve_share = 0.3;
+    walk.effort.verdicts[60].reserve_share = 0.9;
+    walk.effort.verdicts[60].status = Status::Infeasible; // not counted
+    let s = Summary::of(&walk.report());
+    assert_eq!((s.largest_reserve_share, s.largest_reserve_share_time_s), (0.3, Some(walk.effort.time[30])));
+    let hip = &s.reserves[1];
+    assert_eq!((hip.coordinate.as_str(), hip.largest_Nm, hip.needed_Nm), ("hip_adduction", -15.0, 20.0));
+    assert!((hip.share - 15.0 / 50.0).abs() < 1e-12 && (hip.share_of_peak - 0.75).abs() < 1e-12);
+    assert!(hip.is_much() && !s.reserves[3].is_much());
+    let page = optimize_page(&walk.report());
+    check_page(&page);
+    assert!(page.contains("Reserve moments carry up to 30 %") && page.contains("id=\"reserve-moments\""));
+    assert!(!optimize_page(&Walk::new().report()).contains("Reserve moments carry"));
 }
 
 #[test]
@@ -317,7 +375,14 @@ fn odd_results_still_make_a_whole_page() {
     }
     short.loads.ground_force.truncate(1);
     let effort = &mut short.effort;
-    for table in [&mut effort.forces, &mut effort.activations, &mut effort.reactions, &mut effort.reserves] {
+    let tables = [
+        &mut effort.forces,
+        &mut effort.activations,
+        &mut effort.reactions,
+        &mut effort.reserves,
+        &mut effort.least_violation,
+    ];
+    for table in tables {
         table.values = table.values.rows(0, 1).into_owned();
     }
     short.loads.moments.values = short.loads.moments.values.rows(0, 1).into_owned();

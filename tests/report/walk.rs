@@ -215,6 +215,7 @@ impl Walk {
                 activations: table(&names, FRAMES, activation, 0),
                 reactions: table(&reaction_names(), FRAMES, reactions, 0),
                 reserves: Table { columns: vec![], values: DMatrix::zeros(FRAMES, 0) },
+                least_violation: Table { columns: vec![], values: DMatrix::zeros(FRAMES, 0) },
                 verdicts: verdicts.collect(),
             },
             muscles: MUSCLES
@@ -252,7 +253,7 @@ impl Walk {
         }
     }
 
-    /// Frames 51 to 53 infeasible, 71 failed, 81 and 82 without marker fit.
+    /// [`UNSOLVED`]: frames 51 to 53 infeasible, 71 failed, 81 and 82 without marker fit.
     pub fn spoil(mut self) -> Walk {
         for i in 50..53 {
             let verdict = &mut self.effort.verdicts[i];
@@ -264,8 +265,14 @@ impl Walk {
         self.effort.verdicts[70].status = Status::Failed;
         self.effort.verdicts[70].reason = Some("iteration limit".into());
         self.effort.verdicts[70].kkt_residual = f64::NAN;
+        let names = [self.effort.forces.columns.clone(), self.effort.reactions.columns.clone()].concat();
+        let mut least = DMatrix::from_element(FRAMES, names.len(), f64::NAN);
+        (50..53).for_each(|i| least.row_mut(i).fill(1000.0 + i as f64));
+        self.effort.least_violation = Table { columns: names, values: least };
         for table in [&mut self.effort.forces, &mut self.effort.activations, &mut self.effort.reactions] {
-            table.values.row_mut(70).fill(f64::NAN);
+            for i in UNSOLVED {
+                table.values.row_mut(i).fill(f64::NAN);
+            }
         }
         for i in 80..82 {
             self.motion.fit[MARGIN + i].failure = Some("thigh: 1 of 3 markers seen".into());
@@ -290,6 +297,9 @@ impl Walk {
         self
     }
 }
+
+/// Frames that [`Walk::spoil`] leaves without a solution, counted from 0.
+pub const UNSOLVED: [usize; 6] = [50, 51, 52, 70, 80, 81];
 
 /// The coordinates of the leg with the universal ankle.
 pub const MOMENTS: [&str; 6] =

@@ -51,7 +51,7 @@ pub struct OptimizeArguments {
     /// Reserve moments on every joint coordinate, with this weight of their squares in 1/(N·m)². They are reported.
     #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     reserves: Option<f64>,
-    /// Where a frame is infeasible, raise all strengths together by up to this factor and report it.
+    /// Where a frame is infeasible, raise all strengths together by up to this factor: what forces would do, in least_violation.csv. The frame stays unsolved.
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     raise_bounds: Option<f64>,
     /// Muscle curves for activations.
@@ -370,6 +370,7 @@ fn word(ankle: Ankle) -> &'static str {
 /// What makes these results less certain than others.
 fn warnings(done: &Optimized) -> Vec<String> {
     let mut notes = Vec::new();
+    notes.extend(done.not_compared.clone());
     let mm = |v: f64| format!("{:.1}", 1e3 * v);
     if let Some(q) = &done.case.quality {
         notes.push(format!(
@@ -436,6 +437,9 @@ fn print(
         words(&done.case.trial),
         word(done.case.ankle)
     )?;
+    if let (Some(over), true) = (summary.over(), summary.solved > 0) {
+        writeln!(out, "  forces and activations are over {over}, the others have no solution")?;
+    }
     let show = |value: Option<f64>, unit: &str, digits: usize| {
         value.map_or("-".to_string(), |v| format!("{} {unit}", plain(v, digits)))
     };
@@ -463,8 +467,28 @@ fn print(
         "  activations clipped    {}",
         show(summary.clipped_share.map(|s| 100.0 * s), "% of samples", 1)
     )?;
-    if let Some(curves) = &summary.measured {
-        writeln!(out, "  against measured knee force:")?;
+    if let Some(when) = summary.largest_reserve_share_time_s {
+        writeln!(
+            out,
+            "  reserves carry         up to {:.0} % of the joint moments of a frame (at {when:.3} s); muscle and joint forces lack it:",
+            100.0 * summary.largest_reserve_share
+        )?;
+        for r in &summary.reserves {
+            writeln!(
+                out,
+                "    {:<20} {:>8.2} N·m at {:.3} s, {:.0} % of {:.2} N·m needed there, {:.0} % of the largest moment needed{}",
+                r.coordinate,
+                r.largest_Nm,
+                r.time_s,
+                100.0 * r.share,
+                r.needed_Nm,
+                100.0 * r.share_of_peak,
+                if r.is_much() { ": much" } else { "" }
+            )?;
+        }
+    }
+    if let (Some(curves), Some(compared)) = (&summary.measured, summary.compared_frames) {
+        writeln!(out, "  against measured knee force, over {compared} of {} frames:", summary.frames)?;
         for (name, a) in curves {
             writeln!(
                 out,

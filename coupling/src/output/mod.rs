@@ -79,6 +79,7 @@ pub fn write_optimize(
     write_csv(&mut out, "ground_reaction", &tables::ground_reaction(report.loads))?;
     out.write("verdicts.csv", |w| tables::write_verdicts(w, report.motion, report.effort))?;
     write_if_any(&mut out, "reserves", tables::reserves(report.effort))?;
+    write_if_any(&mut out, "least_violation", tables::least_violation(report.effort))?;
     write_if_any(&mut out, "measured_knee", report.measured.map(tables::measured_knee))?;
 
     let side = report.trial.side;

@@ -94,6 +94,16 @@ pub fn reserves(effort: &Effort) -> Option<Series> {
     (!series.columns.is_empty()).then_some(series)
 }
 
+/// `least_violation.csv`: muscle and joint forces \[N\] of the infeasible frames alone, which are no solution; `None` where there are none.
+pub fn least_violation(effort: &Effort) -> Option<Series> {
+    let answered = |i: &usize| effort.least_violation.values.row(*i).iter().any(|v| v.is_finite());
+    let rows: Vec<usize> = (0..effort.time.len()).filter(answered).collect();
+    let all = Series::from_table(&effort.time, &effort.least_violation, 1.0, "_N");
+    let pick = |values: &[f64]| rows.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+    let columns = all.columns.iter().map(|(name, values)| (name.clone(), pick(values))).collect();
+    (!rows.is_empty()).then(|| Series { time: pick(&all.time), columns })
+}
+
 /// `joint_moments.csv`: the moment that the muscles must supply per joint coordinate \[N·m\].
 pub fn joint_moments(loads: &Loads) -> Series {
     Series::from_table(&loads.time, &loads.moments, 1.0, "_Nm")

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use multibody::sharing::KKT_TOLERANCE;
-use multibody::trial::{Table, Verdict};
+use multibody::trial::{Status, Table, Verdict};
 
 use super::groups::grouped;
 use super::heatmap::{Block, Row, heatmap};
@@ -44,6 +44,7 @@ impl View<'_> {
             scale: Scale::FromZero,
             right: None,
             bound: None,
+            gap: "no solution",
         }
     }
 
@@ -89,17 +90,24 @@ impl View<'_> {
         let mut figures = Vec::new();
         let mut rows = Vec::new();
         for (name, curve) in overlay.curves() {
-            let line = |what: &str, class, values: &Vec<f64>| Line {
+            // On all frames of the axis: a curve over the compared ones alone would bridge what lies between.
+            let on_axis = |values: &[f64]| {
+                let at = |t: &f64| overlay.time.iter().position(|compared| compared == t);
+                self.axis.time.iter().map(|t| at(t).map_or(f64::NAN, |i| values[i])).collect()
+            };
+            let line = |what: &str, class, values: &[f64]| Line {
                 name: what.into(),
                 class,
-                time: Some(&overlay.time),
-                values: values.clone(),
+                time: None,
+                values: on_axis(values),
             };
             let lines = vec![
                 line("model", colour(name, 0), &curve.model),
                 line("measured", "measured", &curve.measured),
             ];
-            figures.push(self.force_plot(capital(name), lines));
+            let right = Some(RightAxis { per_unit: weight, unit: "body weights" });
+            let plot = Plot { right, gap: "not compared", ..self.plot(capital(name), "N", lines) };
+            figures.push(plot.render());
             let a = &curve.agreement;
             let optional = |v: Option<f64>| v.map_or("–".into(), |v| fixed(v, 2));
             let both = |n: f64| format!("{} ({})", fixed(n, 0), fixed(n / weight, 2));
@@ -125,18 +133,18 @@ impl View<'_> {
             "largest error, N (BW)",
         ];
         let lead = format!(
-            "Instrumented knee, interpolated linearly to {} frames; {} frames could not be compared. Both of the next two are called R² in the literature: 1 − SSE/SST, \
+            "Instrumented knee, interpolated linearly; all numbers are over {} of {} frames, the others have no solution or no measurement. Both of the next two are called R² in the literature: 1 − SSE/SST, \
              the share of the measurement's variance that is met, counts an offset and a wrong scale against the model, and is negative where its mean would be better; \
              the squared correlation ignores offset and scale.",
             overlay.time.len(),
-            overlay.frames_left_out
+            overlay.time.len() + overlay.frames_left_out
         );
         let content = format!("{}\n{}", grid("normal", &figures), table(&header, 1, &rows));
         section("Measured knee forces", &lead, &content)
     }
 
     /// One figure per joint from a table whose columns are named `joint_coordinate`.
-    fn by_joint(
+    pub(super) fn by_joint(
         &self,
         table: &Table,
         scale: f64,
@@ -244,7 +252,7 @@ impl View<'_> {
         section(
             "Muscle forces",
             "Tension in N over % of the gait cycle, each muscle on its own scale. Beside the name: peak force and its share of the \
-             strength; a dashed line marks the strength where it is on the scale.",
+             strength; a dashed line marks the strength where it is on the scale. Hatched: no solution.",
             &content,
         )
     }
@@ -253,7 +261,7 @@ impl View<'_> {
         let effort = self.report.effort;
         let values: Vec<f64> = effort.forces.values.column(j).iter().copied().collect();
         let strength = self.report.muscles.get(j).map(|m| m.f_max).filter(|f| f.is_finite());
-        let note = extent(&values).map_or("no answer".into(), |(_, peak)| match strength {
+        let note = extent(&values).map_or("no solution".into(), |(_, peak)| match strength {
             Some(f_max) => format!("{} N, {} %", fixed(peak, 0), fixed(100.0 * peak / f_max, 0)),
             None => format!("{} N", fixed(peak, 0)),
         });
@@ -293,7 +301,7 @@ impl View<'_> {
         if !right.is_empty() {
             figures.push(heatmap("Activations, second part", &self.axis, right));
         }
-        let key = "<p class=\"lead\">0 %<span class=\"ramp\"></span>100 %; hatched: no answer</p>\n";
+        let key = "<p class=\"lead\">0 %<span class=\"ramp\"></span>100 %; hatched: no solution</p>\n";
         section(
             "Activations",
             "Activation of each muscle at each frame.",
@@ -338,12 +346,6 @@ impl View<'_> {
                 figures.push(self.reaction_plot(panel, &columns));
             }
         }
-        let reserves = &self.report.effort.reserves;
-        if !reserves.columns.is_empty() {
-            for figure in self.by_joint(reserves, 1.0, "N·m", &|_| false) {
-                figures.push(figure.replacen("</b>", " reserve</b>", 1));
-            }
-        }
         if figures.is_empty() {
             return String::new();
         }
@@ -354,9 +356,10 @@ impl View<'_> {
         let verdicts = &self.report.effort.verdicts;
         let values = |pick: &dyn Fn(&Verdict) -> f64| verdicts.iter().map(pick).collect::<Vec<_>>();
         let line = |name: &str, class, values| Line { name: name.into(), class, time: None, values };
-        let kkt = line("KKT", "c1", values(&|v| v.kkt_residual));
-        let equality = line("equality", "c2", values(&|v| v.equality_residual));
-        let bounds = line("active bounds", "c3", values(&|v| v.active_bounds as f64));
+        let solved = |v: &Verdict, value: f64| if v.status == Status::Solved { value } else { f64::NAN };
+        let kkt = line("KKT", "c1", values(&|v| solved(v, v.kkt_residual)));
+        let equality = line("equality", "c2", values(&|v| solved(v, v.equality_residual)));
+        let bounds = line("active bounds", "c3", values(&|v| solved(v, v.active_bounds as f64)));
         let residuals = Plot {
             scale: Scale::Log,
             bound: Some((KKT_TOLERANCE, "tolerance")),

@@ -81,7 +81,7 @@
       if (!row || x < left || x >= right) return clear();
       const values = row.dataset.values.split(",");
       const i = Math.floor(((x - left) / (right - left)) * values.length);
-      const note = values[i] === "" ? "no answer" : values[i] + " %";
+      const note = values[i] === "" ? "no solution" : values[i] + " %";
       show(event, `<div class="when">frame ${i + 1}</div><div>${safe(row.dataset.name)}<b>${note}</b></div>`);
     });
     map.addEventListener("pointerleave", clear);

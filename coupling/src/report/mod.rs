@@ -15,6 +15,7 @@ pub mod mesh;
 mod optimize;
 pub mod page;
 pub mod plot;
+pub mod reserves;
 pub mod svg;
 
 use multibody::trial::{Effort, Loads, Motion, Status, Table, Trial};
@@ -24,6 +25,7 @@ use crate::measured::{Agreement, Overlay};
 use crate::output::tables::Series;
 
 pub use optimize::optimize_page;
+pub use reserves::Reserve;
 
 /// Gravity for body weights \[m/s²\], the same as in the mechanics.
 pub const GRAVITY: f64 = 9.81;
@@ -98,16 +100,22 @@ pub struct Summary {
     pub worst_marker_rms_mm: Option<f64>,
     /// Largest KKT residual among the solved frames.
     pub largest_kkt_residual: Option<f64>,
-    /// Largest muscle force relative to its strength.
+    /// Largest muscle force relative to its strength, over solved frames.
     pub largest_load: Option<f64>,
     /// The muscle that carries it.
     pub largest_load_muscle: Option<String>,
-    /// Largest share of the required moment that reserves carry.
+    /// Largest share of the required moments of a solved frame that reserves carry, all joint coordinates together.
     pub largest_reserve_share: f64,
-    /// Share of force samples that activations within 0..1 cannot give, over all muscles.
+    /// When \[s\]; `None` without reserves.
+    pub largest_reserve_share_time_s: Option<f64>,
+    /// The most that each reserve carries; empty without reserves.
+    pub reserves: Vec<Reserve>,
+    /// Share of force samples of solved frames that activations within 0..1 cannot give, over all muscles.
     pub clipped_share: Option<f64>,
-    /// Agreement with measured medial, lateral and total knee force.
+    /// Agreement with measured medial, lateral and total knee force, over the compared frames alone.
     pub measured: Option<[(&'static str, Agreement); 3]>,
+    /// Frames that are solved and measured.
+    pub compared_frames: Option<usize>,
 }
 
 impl Summary {
@@ -134,6 +142,8 @@ impl Summary {
         }));
         let clipped: Vec<f64> = report.muscles.iter().filter_map(|m| m.clipped).collect();
         let weight = report.body_weight();
+        let reserve = greatest((0..frames).filter(solved).map(|i| (effort.verdicts[i].reserve_share, i)))
+            .filter(|_| !effort.reserves.columns.is_empty());
         Summary {
             frames,
             solved: (0..frames).filter(solved).count(),
@@ -149,10 +159,18 @@ impl Summary {
             largest_kkt_residual: greatest(kkt).map(|k| k.0),
             largest_load: load.map(|l| l.0),
             largest_load_muscle: load.map(|l| effort.forces.columns[l.1].clone()),
-            largest_reserve_share: effort.verdicts.iter().map(|v| v.reserve_share).fold(0.0, f64::max),
+            largest_reserve_share: reserve.map_or(0.0, |r| r.0),
+            largest_reserve_share_time_s: reserve.map(|r| effort.time[r.1]),
+            reserves: Reserve::of(effort, report.loads),
             clipped_share: (!clipped.is_empty()).then(|| clipped.iter().sum::<f64>() / clipped.len() as f64),
             measured: report.measured.map(|o| o.curves().map(|(name, c)| (name, c.agreement.clone()))),
+            compared_frames: report.measured.map(|o| o.time.len()),
         }
+    }
+
+    /// `58 of 241 frames`, for numbers that solved frames alone enter; `None` where that is all of them.
+    pub fn over(&self) -> Option<String> {
+        (!self.all_solved()).then(|| format!("{} of {} frames", self.solved, self.frames))
     }
 
     /// Is every frame solved?

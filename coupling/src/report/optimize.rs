@@ -8,7 +8,7 @@ use multibody::trial::{FitVerdict, Status, Verdict};
 use super::page::document;
 use super::plot::TimeAxis;
 use super::svg::{escape, fixed, significant};
-use super::{OptimizeReport, STANCE_THRESHOLD, Summary};
+use super::{OptimizeReport, Reserve, STANCE_THRESHOLD, Summary};
 
 /// The whole page. All tables of the report have one row per reported frame.
 pub fn optimize_page(report: &OptimizeReport) -> String {
@@ -23,6 +23,7 @@ pub fn optimize_page(report: &OptimizeReport) -> String {
         view.muscle_forces(),
         view.activations(),
         view.other_forces(),
+        view.reserves(),
         view.quality(),
         view.details(),
     ]
@@ -122,6 +123,16 @@ impl View<'_> {
             "<p class=\"verdict {class}\"><b>{} of {} frames solved</b><span>{}</span></p>",
             s.solved, s.frames, detail
         );
+        if let Some(when) = s.largest_reserve_share_time_s {
+            let class = if s.reserves.iter().any(Reserve::is_much) { "bad" } else { "ok" };
+            let _ = writeln!(
+                out,
+                "<p class=\"verdict {class}\"><b>Reserve moments carry up to {} %</b><span>of the joint moments of a frame, at {}; \
+                 muscle and joint forces lack it; <a href=\"#reserve-moments\">where and when</a></span></p>",
+                fixed(100.0 * s.largest_reserve_share, 0),
+                self.when(when)
+            );
+        }
         out.push_str(&self.tiles());
         out.push_str(&self.strip());
         out.push_str("</header>\n");
@@ -134,12 +145,13 @@ impl View<'_> {
         let knee_time =
             s.peak_knee_force_time_s.map_or_else(String::new, |t| format!(" at {}", self.when(t)));
         let residual = |v: Option<f64>| v.map_or("–".into(), |v| significant(v, 2));
+        let over = s.over().map_or_else(String::new, |frames| format!(", over {frames}"));
         let tiles = [
             (
                 "Peak knee force",
                 number(s.peak_knee_force_bw, 2),
                 "BW",
-                format!("{} N{knee_time}", number(s.peak_knee_force_N, 0)),
+                format!("{} N{knee_time}{over}", number(s.peak_knee_force_N, 0)),
             ),
             (
                 "Marker residual, RMS",
@@ -151,7 +163,9 @@ impl View<'_> {
                 "Largest muscle load",
                 number(s.largest_load.map(|l| 100.0 * l), 0),
                 "% of strength",
-                s.largest_load_muscle.as_deref().map_or_else(String::new, |name| self.full_name(name)),
+                s.largest_load_muscle
+                    .as_deref()
+                    .map_or_else(String::new, |name| format!("{}{over}", self.full_name(name))),
             ),
             (
                 "Largest KKT residual",

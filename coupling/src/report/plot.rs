@@ -97,6 +97,8 @@ pub struct Plot<'a> {
     pub right: Option<RightAxis>,
     /// Value and name of a dashed horizontal line; widens the scale only if within twice the largest value.
     pub bound: Option<(f64, &'static str)>,
+    /// What the frames are at which no curve of the axis has a value; they are hatched.
+    pub gap: &'static str,
 }
 
 /// Position of the drawing area in the figure.
@@ -129,7 +131,8 @@ impl Plot<'_> {
         let (t0, t1) = self.axis.domain();
         let x = |t: f64| frame.left + (t - t0) / (t1 - t0) * (frame.right - frame.left);
         let y = |v: f64| vertical.height_of(v, &frame);
-        let mut svg = self.head(&frame, &vertical, t0, t1);
+        let gaps = self.gaps();
+        let mut svg = self.head(&frame, &vertical, t0, t1, !gaps.is_empty());
         for &[from, to] in &self.axis.stance {
             let (from, to) = (x(from.max(t0)), x(to.min(t1)));
             if to > from {
@@ -141,6 +144,9 @@ impl Plot<'_> {
                     px(frame.top)
                 );
             }
+        }
+        for [from, to] in gaps {
+            hatch(&mut svg, &frame, x(from.max(t0)), x(to.min(t1)));
         }
         self.horizontal_axis(&mut svg, &frame, &x, t0, t1);
         self.vertical_axis(&mut svg, &frame, &vertical, &y);
@@ -158,6 +164,28 @@ impl Plot<'_> {
         }
         svg.push_str("</svg></figure>");
         svg
+    }
+
+    /// Spans of time without any value among the curves over the frames of the axis, out to halfway to the next frame with one.
+    fn gaps(&self) -> Vec<[f64; 2]> {
+        let time = &self.axis.time;
+        let lines: Vec<&Line> = self.lines.iter().filter(|line| line.time.is_none()).collect();
+        let missing = |i: usize| lines.iter().all(|line| !line.values.get(i).is_some_and(|v| v.is_finite()));
+        let halfway = |i: usize, j: usize| 0.5 * (time[i] + time[j]);
+        let mut gaps = Vec::new();
+        let mut i = 0;
+        while i < time.len() && !lines.is_empty() {
+            let from = i;
+            while i < time.len() && missing(i) {
+                i += 1;
+            }
+            if i > from {
+                let start = if from > 0 { halfway(from - 1, from) } else { time[from] };
+                gaps.push([start, if i < time.len() { halfway(i - 1, i) } else { time[i - 1] }]);
+            }
+            i += 1;
+        }
+        gaps
     }
 
     fn frame(&self) -> Frame {
@@ -211,7 +239,7 @@ impl Plot<'_> {
     }
 
     /// Heading with legend, and the opening tag with what the script needs to read values back.
-    fn head(&self, frame: &Frame, vertical: &Vertical, t0: f64, t1: f64) -> String {
+    fn head(&self, frame: &Frame, vertical: &Vertical, t0: f64, t1: f64, has_gaps: bool) -> String {
         let mut out = format!(
             r#"<figure class="{}"><figcaption><b>{}</b>"#,
             if self.size == Size::Small { "small" } else { "normal" },
@@ -229,6 +257,13 @@ impl Plot<'_> {
                     out,
                     r#"<span><svg class="key" viewBox="0 0 18 8" aria-hidden="true"><path class="line {class}" d="M1 4H17"/></svg>{}</span>"#,
                     escape(&name)
+                );
+            }
+            if has_gaps {
+                let _ = write!(
+                    out,
+                    r#"<span><svg class="key" viewBox="0 0 18 8" aria-hidden="true"><path class="gap" d="M1 8L5 0M6 8L10 0M11 8L15 0"/></svg>{}</span>"#,
+                    escape(self.gap)
                 );
             }
             out.push_str("</span>");
@@ -405,6 +440,24 @@ impl Plot<'_> {
     }
 }
 
+/// Strokes rising to the right, 6 units apart, over the full height between `left` and `right`; at least one unit wide.
+fn hatch(svg: &mut String, frame: &Frame, left: f64, right: f64) {
+    const APART: f64 = 6.0;
+    let (left, right) = (left.max(frame.left), right.max(left + 1.0).min(frame.right));
+    let (width, height) = (right - left, frame.bottom - frame.top);
+    let mut path = String::new();
+    // With x from the left and y up from the bottom, the stroke y = x + height − s, cut to the rectangle.
+    let mut s = 0.5 * APART;
+    while s < width + height {
+        let (x0, y0) = if s < height { (0.0, height - s) } else { (s - height, 0.0) };
+        let (x1, y1) = if s < width { (s, height) } else { (width, height - (s - width)) };
+        let at = |x: f64, y: f64| format!("{} {}", px(left + x), px(frame.bottom - y));
+        let _ = write!(path, "M{}L{}", at(x0, y0), at(x1, y1));
+        s += APART;
+    }
+    let _ = write!(svg, r#"<path class="gap" d="{path}"/>"#);
+}
+
 impl Vertical {
     fn height_of(&self, value: f64, frame: &Frame) -> f64 {
         let value = if self.log { value.max(LOG_FLOOR).log10() } else { value };
@@ -429,6 +482,7 @@ mod tests {
             scale: Scale::FromZero,
             right: None,
             bound: None,
+            gap: "",
         };
         let vertical = plot.vertical();
         (vertical.lo, vertical.hi)
