@@ -328,9 +328,46 @@ fn one_pass_of_two_way_coupling_is_the_one_way_result() {
     }
     // A second pass sees what the first one says, and does not change it.
     let passes_of = |csv: &str| csv.lines().nth(1).unwrap().to_string();
-    let two = text(&run("two", &["--two-way", "--passes", "2"])["passes.csv"]);
+    let coupled = run("two", &["--two-way", "--passes", "2"]);
+    let two = text(&coupled["passes.csv"]);
     assert_eq!(two.lines().count(), 3, "{two}");
     assert_eq!(passes_of(&two), passes_of(&passes));
+    // The last pass is the result, in every table, and the one-way result stands beside it. It has not settled, and that is said.
+    let rows = |csv: &str| -> Vec<Vec<String>> {
+        csv.lines().skip(1).map(|l| l.split(',').map(String::from).collect()).collect()
+    };
+    let (before, after) = (text(&one_way["comparison.csv"]), text(&coupled["comparison.csv"]));
+    assert!(
+        after.starts_with(before.lines().next().unwrap()),
+        "the columns of a one-way result stay where they are"
+    );
+    let last: Vec<Vec<String>> =
+        rows(&text(&coupled["missing_moments.csv"])).into_iter().filter(|r| r[0] == "2").collect();
+    for ((one, two), seen) in rows(&before).iter().zip(rows(&after)).zip(&last) {
+        assert_eq!([&two[12], &two[13]], [&one[3], &one[4]], "one-way beside it");
+        assert_eq!(two[4], seen[4], "the force that was found in pass 2");
+        assert!((number(&two[6]) - (number(&two[4]) - number(&two[3]))).abs() < 2e-3, "{two:?}");
+    }
+    assert!(
+        rows(&before)[3][3..5] != rows(&after)[3][3..5],
+        "the second pass changed nothing: the test sees nothing"
+    );
+    let sto = text(&coupled["fe_forces_no_contact.sto"]);
+    let said: f64 = number(sto.lines().last().unwrap().split('\t').next_back().unwrap());
+    assert!((said - number(&rows(&after)[3][4])).abs() < 1e-3, "{sto}");
+    assert_eq!(coupled["fe_forces_no_contact_one_way.sto"], {
+        let sto = text(&one_way["fe_forces_no_contact.sto"]);
+        sto.replace("fe_forces_no_contact", "fe_forces_no_contact_one_way").into_bytes()
+    });
+    assert_eq!(coupled["one_way/thigh_0001_solids.vtu"], one_way["no_contact/thigh_0001_solids.vtu"]);
+    assert_ne!(coupled["no_contact/thigh_0001_solids.vtu"], one_way["no_contact/thigh_0001_solids.vtu"]);
+    let run = fs::read_to_string(folder.path().join("two/run.json")).unwrap();
+    assert!(run.contains("two-way coupling has not settled"), "{run}");
+    let page = fs::read_to_string(folder.path().join("two/report.html")).unwrap();
+    assert!(page.contains("one-way: FE, N") && page.contains("two-way coupling has not settled"));
+    // With contact there is no loop to close.
+    let output = sartorius(&["compare", "two.toml", "--two-way", "--contact", "both"], folder.path());
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
 }
 
 /// The contact resultant of a muscle is the sum of what contact does to its nodes, and what its bones have to hold.

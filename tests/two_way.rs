@@ -25,7 +25,7 @@ fn last_change(passes: &[Pass]) -> f64 {
 #[test]
 fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
     let (prepared, study) = solved();
-    let run = |scheme| prepared.two_way(&study, scheme, 16).unwrap();
+    let run = |scheme| prepared.two_way(&study, scheme, 16).unwrap().passes;
     let (quick, slow) = (run(Scheme::IqnIls(1.0)), run(Scheme::Relaxation(0.5)));
     for (name, passes) in [("IQN-ILS", &quick), ("relaxation", &slow)] {
         for (k, p) in passes.iter().enumerate() {

@@ -2,6 +2,11 @@
 //!
 //! The tissue of a muscle pulls at the bones that it is tied to. The virtual work of these forces per joint coordinate is the moment of
 //! the muscle; over the force through its belly it is its lever arm, to be held against those of the lines of the rigid leg.
+//!
+//! Bones move relative to the femur: the forces of what is in equilibrium add up to nothing, so its work is the same as with the pelvis
+//! held. But then the moment about the hip is that of the forces on the pelvis, which no other muscle shares. At the knee, muscles that
+//! are sewn together pull at the patella with what seams pass from head to head, so the work there says nothing about one head, only
+//! about all of them: they are one [unit](sewn), whose moment is shared out by [`as_units`].
 
 #![allow(non_snake_case)]
 
@@ -22,9 +27,9 @@ const LEAST_FORCE: f64 = 20.0;
 /// Step of the difference quotient along the natural coordinates \[rad\].
 const STEP: f64 = 1e-6;
 
-/// How the bones of the thigh move with the joint coordinates, the pelvis held.
+/// How the bones of the thigh move with the joint coordinates, the femur held.
 pub struct VirtualTwists {
-    /// Per body of the scene (thigh, patella, shank): its name, and per coordinate the velocity of its point at the hip centre \[m/rad\]
+    /// Per body of the scene (pelvis, patella, shank): its name, and per coordinate the velocity of its point at the hip centre \[m/rad\]
     /// and its angular velocity, in the frame of the mesh.
     bodies: Vec<(&'static str, Vec<[Vector3<f64>; 2]>)>,
     /// Hip centre in the mesh \[m\].
@@ -40,8 +45,7 @@ impl VirtualTwists {
         tangent: &DMatrix<f64>,
     ) -> VirtualTwists {
         let hip = model.pose(SegmentId::Thigh, Q).p;
-        let segments =
-            [("thigh", SegmentId::Thigh), ("patella", SegmentId::Patella), ("shank", SegmentId::Shank)];
+        // With the pelvis held, as the coordinates have it.
         let twist = |segment: SegmentId, c: usize| {
             let moved = |h: f64| {
                 let mut Q = *Q;
@@ -60,14 +64,23 @@ impl VirtualTwists {
                 );
             [velocity, omega].map(|v| registration.direction(model, Q, &v))
         };
-        let bodies = segments
-            .into_iter()
-            .map(|(name, segment)| (name, (0..tangent.ncols()).map(|c| twist(segment, c)).collect()))
-            .collect();
+        let femur: Vec<_> = (0..tangent.ncols()).map(|c| twist(SegmentId::Thigh, c)).collect();
+        let relative = |segment: SegmentId| {
+            let minus = |(c, femur): (usize, &[Vector3<f64>; 2])| {
+                let [v, w] = twist(segment, c);
+                [v - femur[0], w - femur[1]]
+            };
+            femur.iter().enumerate().map(minus).collect()
+        };
+        let bodies = vec![
+            ("pelvis", femur.iter().map(|[v, w]| [-v, -w]).collect()),
+            ("patella", relative(SegmentId::Patella)),
+            ("shank", relative(SegmentId::Shank)),
+        ];
         VirtualTwists { bodies, hip: registration.frames().hip }
     }
 
-    /// Virtual work \[N·m/rad\] per coordinate of a wrench on a body, moments about the hip centre; none on the pelvis, which is held.
+    /// Virtual work \[N·m/rad\] per coordinate of a wrench on a body, moments about the hip centre; none on the femur, which is held.
     pub fn work(&self, body: &str, wrench: &Wrench) -> DVector<f64> {
         let n = self.bodies[0].1.len();
         let Some((_, twists)) = self.bodies.iter().find(|b| b.0 == body) else { return DVector::zeros(n) };
@@ -87,15 +100,10 @@ pub struct MuscleAction {
     pub stretch: f64,
     /// Moment per joint coordinate \[N·m\].
     pub moments: DVector<f64>,
+    /// Lever arm per joint coordinate \[m\]; `None` where there is hardly any force to say it.
+    pub lever_arms: Vec<Option<f64>>,
     /// Resultant of its forces on all bones \[N\]: nothing, but for what contact and the seams of its tendon carry.
     pub resultant: Vector3<f64>,
-}
-
-impl MuscleAction {
-    /// Lever arms \[m\]; `None` where there is hardly any force.
-    pub fn lever_arms(&self) -> Option<DVector<f64>> {
-        (self.force >= LEAST_FORCE).then(|| &self.moments / self.force)
-    }
 }
 
 /// Actions of all muscles of the thigh in a solved state, by what they are tied to.
@@ -120,13 +128,61 @@ pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists)
         }
         let belly = belly_force(plan, at, muscle);
         let part = |p| belly.section.part_along(p, belly.tangent.into());
+        let force = belly.along();
         MuscleAction {
-            force: belly.along(),
+            force,
             tissue: part(Part::Matrix) + part(Part::Membrane),
             stretch: thigh.fibre_stretch(i, at.x),
+            lever_arms: moments.iter().map(|m| (force >= LEAST_FORCE).then(|| m / force)).collect(),
             moments,
             resultant,
         }
     };
     thigh.muscles.iter().enumerate().map(one).collect()
+}
+
+/// Muscles of the thigh that are sewn together, by number: those that the plan, without contact, has in one island. Every muscle is in one
+/// unit, most of them alone.
+pub fn sewn(plan: &Plan, thigh: &Thigh) -> Vec<Vec<usize>> {
+    let island_of = |m: usize| {
+        let muscle = &thigh.muscles[m];
+        let middle = muscle.layer_nodes(muscle.s.len() / 2);
+        plan.islands.iter().position(|i| middle.clone().any(|n| i.nodes.contains(&n)))
+    };
+    let mut units: Vec<(Option<usize>, Vec<usize>)> = Vec::new();
+    for m in 0..thigh.muscles.len() {
+        let island = island_of(m);
+        match units.iter_mut().find(|u| island.is_some() && u.0 == island) {
+            Some(unit) => unit.1.push(m),
+            None => units.push((island, vec![m])),
+        }
+    }
+    units.into_iter().map(|u| u.1).collect()
+}
+
+/// Makes one of the muscles of every unit about a coordinate: the moment of the unit stays what it is, and each head has a share of it.
+///
+/// `rigid`: lever arm of a muscle on the rigid leg \[m\]. The unit tells one number, by how much the arm of its whole force differs from what
+/// the rigid leg says of these forces; all its heads have this difference, slack ones too. So lines of the rigid leg keep their arms, and a
+/// muscle by itself keeps its moment over its force.
+pub fn as_units(
+    actions: &mut [MuscleAction],
+    units: &[Vec<usize>],
+    coordinate: usize,
+    rigid: &dyn Fn(usize) -> f64,
+) {
+    for unit in units.iter().filter(|u| u.len() > 1) {
+        let sum = |of: &dyn Fn(usize) -> f64| unit.iter().map(|&m| of(m)).sum::<f64>();
+        let force = sum(&|m| actions[m].force);
+        if force < LEAST_FORCE {
+            continue;
+        }
+        let difference =
+            (sum(&|m| actions[m].moments[coordinate]) - sum(&|m| rigid(m) * actions[m].force)) / force;
+        for &m in unit {
+            let arm = rigid(m) + difference;
+            actions[m].moments[coordinate] = arm * actions[m].force;
+            actions[m].lever_arms[coordinate] = Some(arm);
+        }
+    }
 }

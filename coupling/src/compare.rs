@@ -185,8 +185,18 @@ pub fn configuration(
 ) -> Result<Configuration, CompareError> {
     let clock = Instant::now();
     let run = run_restartable(plan, drive, settings, folder, "thigh", beside, restart, on_frame)?;
-    let time = clock.elapsed();
-    let passive = drive.frames.len() - steps.len();
+    Ok(measured(plan, thigh, run, steps, drive.frames.len() - steps.len(), clock.elapsed()))
+}
+
+/// What is measured on a run through the steps: forces, intersections, overlaps. `passive`: frames on the way to the first step.
+pub fn measured(
+    plan: &Plan,
+    thigh: &Thigh,
+    run: Run,
+    steps: &[RigidStep],
+    passive: usize,
+    time: Duration,
+) -> Configuration {
     let at_steps = || run.frames.iter().skip(passive);
     let forces = at_steps().zip(steps).map(|(frame, step)| StepForces {
         step: step.name,
@@ -215,7 +225,7 @@ pub fn configuration(
             intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
         }
     }
-    Ok(Configuration { run, steps: forces, intersections, overlaps, time, on_the_way: passive })
+    Configuration { run, steps: forces, intersections, overlaps, time, on_the_way: passive }
 }
 
 /// Lines along which shared volume is measured are this far apart \[m\].

@@ -4,15 +4,16 @@
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use fem::mesh::Mesh;
-use fem::output::Restart;
+use fem::output::{Restart, write_run};
 use fem::plan::Plan;
-use fem::run::{Drive, Frame};
-use fem::solve::{Settings, Stability};
+use fem::run::{Drive, Frame, Run};
+use fem::solve::{Iteration, Settings, Stability};
 
 use crate::cache::{Cache, content_hash};
-use crate::compare::{Configuration, beside, configuration, drive};
+use crate::compare::{CompareError, Configuration, beside, configuration, drive, measured};
 use crate::error::CommandError;
 use crate::explain;
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
@@ -26,7 +27,7 @@ use crate::subject::{factors, limb_map};
 use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
 use crate::thigh::{BuiltIn, from_limb, from_surfaces, limb};
-use crate::two_way::{Pass, TwoWay};
+use crate::two_way::{Coupled, Coupling, TwoWay};
 
 /// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N, or where the
 /// [scene](Scene::residuals) says: forces of single muscles are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
@@ -43,6 +44,8 @@ pub const SETTINGS: Settings = Settings {
 
 /// Folders of the configurations without and with contact.
 pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
+/// Folder of the frames of the one-way result, where there is a two-way one.
+pub const ONE_WAY_FOLDER: &str = "one_way";
 /// Stages of a study, in their order.
 pub const STAGES: [&str; 5] = ["rigid leg", "mesh", "calibration", "without contact", "with contact"];
 
@@ -72,8 +75,20 @@ pub struct Study {
     pub calibration: Calibration,
     /// Per step the control of every muscle.
     pub controls: Vec<Vec<f64>>,
-    /// Without and with contact, where asked for.
+    /// What the rigid leg says of the steps; after two-way coupling the forces of its last pass.
+    pub steps: Vec<RigidStep>,
+    /// Without and with contact, where asked for; after two-way coupling those of its last pass.
     pub configurations: [Option<(Plan, Configuration)>; 2],
+    /// What stood there before two-way coupling.
+    pub one_way: Option<OneWay>,
+}
+
+/// The one-way result beside a two-way one.
+pub struct OneWay {
+    /// What the rigid leg says of the steps.
+    pub steps: Vec<RigidStep>,
+    /// The thigh without contact.
+    pub result: Configuration,
 }
 
 impl Prepared {
@@ -179,7 +194,9 @@ impl Prepared {
             thigh,
             calibration: Calibration::None,
             controls: Vec::new(),
+            steps: self.steps.clone(),
             configurations: [None, None],
+            one_way: None,
         };
         if self.made.is_none() {
             return Ok(study);
@@ -217,7 +234,7 @@ impl Prepared {
     }
 
     /// Two-way coupling from the one-way result without contact, `most` passes at most. Needs Hill fibres and all steps solved.
-    pub fn two_way(&self, study: &Study, scheme: Scheme, most: usize) -> Result<Vec<Pass>, CommandError> {
+    pub fn two_way(&self, study: &Study, scheme: Scheme, most: usize) -> Result<Coupling, CommandError> {
         let (Calibration::Hill { muscles, units, scale }, Some((plan, alone))) =
             (&study.calibration, &study.configurations[0])
         else {
@@ -244,15 +261,73 @@ impl Prepared {
         };
         two_way.passes(&first, scheme, most)
     }
+
+    /// Makes the last pass of two-way coupling the result of the study, with the one-way result [beside it](Study::one_way); its frames go
+    /// to the folder of the configuration, those of the one-way result to [`ONE_WAY_FOLDER`]. `took`: the wall time of the passes.
+    pub fn adopt(
+        &self,
+        study: &mut Study,
+        last: &[Coupled],
+        took: Duration,
+        folder: &Path,
+    ) -> Result<(), CommandError> {
+        let (plan, one_way) = study.configurations[0].take().expect("the passes began from it");
+        let way = drive(&plan, &study.thigh, &study.controls, &self.steps, self.scene.stress_free)?;
+        let on_the_way = one_way.on_the_way;
+        let mut run = Run {
+            frames: one_way.run.frames[..on_the_way].to_vec(),
+            iterations: one_way.run.iterations.iter().filter(|row| row.step < on_the_way).cloned().collect(),
+            ..Run::default()
+        };
+        for (k, coupled) in last.iter().enumerate() {
+            run.frames.push(coupled.frame.clone());
+            run.iterations.extend(
+                coupled.iterations.iter().cloned().map(|row| Iteration { step: on_the_way + k, ..row }),
+            );
+        }
+        let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+        let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
+        let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
+        write(&one_way.run, ONE_WAY_FOLDER)
+            .and_then(|()| write(&run, FOLDERS[0]))
+            .map_err(CompareError::from)?;
+        let steps: Vec<RigidStep> = self
+            .steps
+            .iter()
+            .zip(last)
+            .map(|(step, coupled)| self.coupled_step(study, step, coupled))
+            .collect();
+        let result = measured(&plan, &study.thigh, run, &steps, on_the_way, took);
+        study.configurations[0] = Some((plan, result));
+        study.one_way = Some(OneWay { steps: std::mem::replace(&mut study.steps, steps), result: one_way });
+        Ok(())
+    }
+
+    /// A step with the forces that force sharing wants of the coupled thigh, and the activations that drive it.
+    fn coupled_step(&self, study: &Study, step: &RigidStep, coupled: &Coupled) -> RigidStep {
+        let mut step = step.clone();
+        for muscle in &mut step.muscles {
+            let meshed = study.thigh.muscles.iter().position(|m| m.name == muscle.name);
+            for line in &mut muscle.lines {
+                let i =
+                    self.done.model.muscles.iter().position(|m| m.name == line.name).expect("tables agree");
+                (line.force, line.hill_force) = (coupled.tensions[i], coupled.tensions[i]);
+                if let Some(m) = meshed {
+                    line.activation = coupled.drives[m];
+                }
+            }
+        }
+        step
+    }
 }
 
 impl Study {
     /// `explanation.csv`: a row per step, configuration and muscle.
-    pub fn write_explanations(&self, w: &mut dyn Write, steps: &[RigidStep]) -> io::Result<()> {
+    pub fn write_explanations(&self, w: &mut dyn Write) -> io::Result<()> {
         writeln!(w, "{}", explain::COLUMNS)?;
         for (plan, result) in self.configurations.iter().flatten() {
             let name = if plan.islands.iter().any(|i| i.contact.is_some()) { FOLDERS[1] } else { FOLDERS[0] };
-            for (step, frame) in steps.iter().zip(result.at_steps()) {
+            for (step, frame) in self.steps.iter().zip(result.at_steps()) {
                 let rows = explain::explain(plan, &self.thigh, &self.calibration, step, frame);
                 explain::write_rows(w, step.name.name(), name, &rows)?;
             }

@@ -2,7 +2,8 @@
 //! they can do no longer changes.
 //!
 //! Per step and muscle the capacity is: its lever arms, which all its lines then have, the length of its fibres, the force of its matrix
-//! and shell, and how much of the tension of its fibres comes through the belly. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
+//! and shell, and how much of the tension of its fibres comes through the belly. Heads that are sewn together have their lever arm at the
+//! knee in common ([`as_units`]): how hard each pulls is left to force sharing. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
 //! at that length) and the isometric activation that makes a tension. Agreement of the two models is a result, never the stopping rule.
 
 #![allow(non_snake_case)]
@@ -10,14 +11,14 @@
 use std::io::{self, Write};
 
 use fem::plan::Plan;
-use fem::run::{Drive, DriveFrame, Frame, Session};
-use fem::solve::Settings;
+use fem::run::{Advanced, Drive, DriveFrame, Frame, Session};
+use fem::solve::{Iteration, Settings};
 use multibody::share::{SharingSettings, names, problem};
 use multibody::sharing::{Capacity, SharingProblem, SharingSolver};
 use multibody::trial::Status;
 use nalgebra::{DMatrix, DVector};
 
-use crate::capacity::{MuscleAction, VirtualTwists, actions};
+use crate::capacity::{MuscleAction, VirtualTwists, actions, as_units, sewn};
 use crate::error::CommandError;
 use crate::fixed_point::{FixedPoint, Scheme};
 use crate::muscle_unit::{Fit, MuscleUnit};
@@ -32,6 +33,8 @@ pub const TOLERANCE: f64 = 1e-3;
 pub const MOST_PASSES: usize = 16;
 /// Coordinates that muscles of the thigh move: three of the hip, one of the knee.
 const MOVED: usize = 4;
+/// The one at which sewn muscles are one unit; at the hip each pulls at the pelvis by itself.
+const KNEE: usize = 3;
 /// Their names.
 const COORDINATES: [&str; MOVED] = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"];
 /// Changes that count alike: of lever arms \[m\], of lengths \[m\], of forces \[N\].
@@ -93,30 +96,64 @@ impl Pass {
     }
 }
 
+/// What the passes came to.
+#[derive(Clone, Debug, Default)]
+pub struct Coupling {
+    /// All passes that were carried out; the first is the one-way result.
+    pub passes: Vec<Pass>,
+    /// The last pass, per step; empty where there is none but the first.
+    pub last: Vec<Coupled>,
+    /// Why the last pass is no settled result; empty where it is.
+    pub shortcomings: Vec<String>,
+}
+
+/// One step in the last pass.
+#[derive(Clone, Debug)]
+pub struct Coupled {
+    /// Tensions of all lines of the leg as force sharing wants them \[N\].
+    pub tensions: DVector<f64>,
+    /// Isometric activation of every muscle of the thigh.
+    pub drives: Vec<f64>,
+    /// The thigh under them.
+    pub frame: Frame,
+    /// A row per Newton iteration that led there from the pass before.
+    pub iterations: Vec<Iteration>,
+}
+
 /// What force sharing says of a step.
 struct Shared {
     /// Tensions of all lines \[N\].
     f: DVector<f64>,
     /// Joint moments of the muscles of the thigh, with the lever arms that it has of them \[N·m\].
     counted: Vec<[f64; MOVED]>,
+    /// What no forces within their bounds carry.
+    infeasible: Option<String>,
 }
 
 impl TwoWay<'_> {
-    /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`.
-    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Vec<Pass>, CommandError> {
+    /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`. A pass that
+    /// finds no equilibrium or no forces ends them: the last whole one stands, and a shortcoming says why.
+    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, CommandError> {
         let twists: Vec<VirtualTwists> =
             self.steps.iter().map(|s| self.twists(s)).collect::<Result<_, _>>()?;
-        let seen: Vec<Vec<MuscleAction>> = (first.iter().zip(&twists))
-            .map(|(f, t)| actions(self.plan, self.thigh, f.snapshot(), t))
-            .collect();
+        let (units, rigid) = (sewn(self.plan, self.thigh), self.nominal()?);
+        let see = |frame: &Frame, k: usize| {
+            let mut seen = actions(self.plan, self.thigh, frame.snapshot(), &twists[k]);
+            let arm = |m: usize| ARM * rigid[N * (k * self.thigh.muscles.len() + m) + 3 + KNEE];
+            as_units(&mut seen, &units, KNEE, &arm);
+            seen
+        };
+        let seen: Vec<Vec<MuscleAction>> = first.iter().enumerate().map(|(k, f)| see(f, k)).collect();
         let shared: Vec<Shared> = self.steps.iter().map(|s| self.one_way(s)).collect::<Result<_, _>>()?;
-        let mut passes = vec![self.pass(None, &shared, &seen)?];
+        let passes = vec![self.pass(None, &shared, &seen)?];
+        let mut coupling = Coupling { passes, last: Vec::new(), shortcomings: Vec::new() };
         if most < 2 {
-            return Ok(passes);
+            coupling.shortcomings.push("two-way coupling: one pass is the one-way result".into());
+            return Ok(coupling);
         }
         let mut fixed_point = FixedPoint::new(scheme);
         let drives: Vec<Vec<f64>> = (0..self.steps.len()).map(|k| self.drives(self.at_step(k))).collect();
-        let (mut x, mut shown) = self.capacity(&seen, &self.nominal()?, &drives);
+        let (mut x, mut shown) = self.capacity(&seen, &rigid, &drives);
         let mut ever = shown.clone();
         let mut sessions: Vec<Session> = Vec::new();
         for (k, _) in self.steps.iter().enumerate() {
@@ -127,24 +164,37 @@ impl TwoWay<'_> {
             }
             sessions.push(session);
         }
-        while passes.len() < most {
-            let mut shared = Vec::new();
-            let (mut seen, mut drives) = (Vec::new(), Vec::new());
-            for (k, step) in self.steps.iter().enumerate() {
-                let sharing = self.share(step, &x, k)?;
-                let frame = self.frame(&sharing.f, &x, k)?;
-                let solved = advance(&mut sessions[k], &frame)?;
-                drives.push(self.drives(&frame));
-                seen.push(actions(self.plan, self.thigh, solved.snapshot(), &twists[k]));
-                shared.push(sharing);
-            }
+        while coupling.passes.len() < most {
+            let carried: Result<Vec<(Shared, Coupled)>, CommandError> = (self.steps.iter().enumerate())
+                .map(|(k, step)| {
+                    let sharing = self.share(step, &x, k)?;
+                    let frame = self.frame(&sharing.f, &x, k)?;
+                    let Advanced { frame: solved, iterations, .. } = advance(&mut sessions[k], &frame)?;
+                    let (tensions, drives) = (sharing.f.clone(), self.drives(&frame));
+                    Ok((sharing, Coupled { tensions, drives, frame: solved, iterations }))
+                })
+                .collect();
+            let pass = coupling.passes.len() + 1;
+            let (shared, last): (Vec<_>, Vec<_>) = match carried {
+                Ok(carried) => carried.into_iter().unzip(),
+                Err(why) => {
+                    let text = format!("two-way coupling ends in pass {pass}, before it has settled: {why}");
+                    coupling.shortcomings.push(text);
+                    return Ok(coupling);
+                }
+            };
+            let seen: Vec<Vec<MuscleAction>> =
+                last.iter().enumerate().map(|(k, c)| see(&c.frame, k)).collect();
+            let drives: Vec<Vec<f64>> = last.iter().map(|c| c.drives.clone()).collect();
             let (image, shows) = self.capacity(&seen, &x, &drives);
             let change = (&image - &x).norm() / image.norm();
             let mut pass = self.pass(Some(change), &shared, &seen)?;
             pass.changed_most = Some(self.name_of((&image - &x).iamax()));
-            passes.push(pass);
+            coupling.passes.push(pass);
+            coupling.last = last;
+            coupling.shortcomings = shared.into_iter().filter_map(|s| s.infeasible).collect();
             if change < TOLERANCE {
-                break;
+                return Ok(coupling);
             }
             // With other muscles at work it is another problem, of which the history knows nothing.
             if shows != shown {
@@ -156,7 +206,12 @@ impl TwoWay<'_> {
             }
             shown = shows;
         }
-        Ok(passes)
+        let change = coupling.passes.last().and_then(|p| p.change).unwrap_or(f64::NAN);
+        coupling.shortcomings.push(format!(
+            "two-way coupling has not settled: the capacity still changes by {change:.1e} in pass {most} (wanted {TOLERANCE:.0e}); \
+             forces are those of that pass"
+        ));
+        Ok(coupling)
     }
 
     fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, CommandError> {
@@ -178,7 +233,7 @@ impl TwoWay<'_> {
             std::array::from_fn(|c| lines.iter().map(|&i| R[(c, i)] * f[i]).sum())
         };
         let counted = (0..self.thigh.muscles.len()).map(of_muscle).collect();
-        Shared { f, counted }
+        Shared { f, counted, infeasible: None }
     }
 
     /// Numbers of the model's lines that belong to a muscle of the thigh.
@@ -231,8 +286,10 @@ impl TwoWay<'_> {
                     set(at, shift / LENGTH);
                     set(at + 2, ((action.force - action.tissue) / tension - 1.0) / SHARE);
                 }
-                if let Some(arms) = action.lever_arms() {
-                    (0..MOVED).for_each(|c| set(at + 3 + c, arms[c] / ARM));
+                for c in 0..MOVED {
+                    if let Some(arm) = action.lever_arms[c] {
+                        set(at + 3 + c, arm / ARM);
+                    }
                 }
             }
         }
@@ -295,7 +352,14 @@ impl TwoWay<'_> {
                 step.name.name()
             )));
         }
-        Ok(self.shared(solved.f, &problem.R))
+        let infeasible = (solved.verdict.status == Status::Infeasible).then(|| {
+            let why = solved.verdict.reason.unwrap_or_default();
+            format!(
+                "two-way coupling, {}: no forces within their bounds carry the load: {why}",
+                step.name.name()
+            )
+        });
+        Ok(Shared { infeasible, ..self.shared(solved.f, &problem.R) })
     }
 
     /// The load of the thigh at a step for tensions `f`.
@@ -366,10 +430,10 @@ fn no_loads(step: &RigidStep) -> CommandError {
     CommandError::NotConverged(format!("no loads at {}", step.name.name()))
 }
 
-fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Frame, CommandError> {
+fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Advanced, CommandError> {
     let done = session.advance(frame);
-    match done.errors.into_iter().next() {
-        None => Ok(done.frame),
+    match done.errors.first() {
+        None => Ok(done),
         Some(error) => Err(CommandError::NotConverged(format!("two-way coupling: {error}"))),
     }
 }

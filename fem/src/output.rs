@@ -128,6 +128,25 @@ pub fn run_restartable(
     Ok(run)
 }
 
+/// Writes the files of a run that is over, as [`run_to_files`] does of one that is going on. States stay.
+pub fn write_run(
+    plan: &Plan,
+    drive: &Drive,
+    run: &Run,
+    folder: &Path,
+    name: &str,
+    beside: &Beside,
+) -> Result<(), OutputError> {
+    let mut files = RunFiles::create(folder, name, beside.clone())?;
+    let unsolved = run.unsolved.iter().map(|frame| (frame, run.errors.as_slice()));
+    let frames = run.frames.iter().map(|frame| (frame, &[][..])).chain(unsolved);
+    for (k, (frame, errors)) in frames.enumerate() {
+        let iterations: Vec<_> = run.iterations.iter().filter(|row| row.step == k).cloned().collect();
+        files.write(plan, &Step { frame, iterations: &iterations, errors })?;
+    }
+    files.finish(plan, drive, run)
+}
+
 /// The files of a run that is going on.
 struct RunFiles {
     series: PvdWriter,

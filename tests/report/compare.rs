@@ -52,6 +52,8 @@ fn report(small: &Small) -> CompareReport<'_> {
         left_out: &[],
         calibration: &small.study.calibration,
         passes: &[],
+        one_way: None,
+        unsettled: &[],
         seconds: &[],
     }
 }

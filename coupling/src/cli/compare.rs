@@ -9,7 +9,7 @@ use fem::output::remove_run;
 
 use super::progress::Progress;
 use super::{Outcome, RunArguments};
-use crate::compare::{CompareError, StressFree};
+use crate::compare::{CompareError, MuscleForce, StressFree};
 use crate::error::CommandError;
 use crate::explain::write_calibration;
 use crate::fixed_point::Scheme;
@@ -20,9 +20,9 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
-use crate::study::{FOLDERS, Prepared};
+use crate::study::{FOLDERS, ONE_WAY_FOLDER, Prepared};
 use crate::subject::words;
-use crate::two_way::{MOST_PASSES, Pass, TOLERANCE, write_missing, write_passes};
+use crate::two_way::{Coupling, MOST_PASSES, Pass, write_missing, write_passes};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -107,6 +107,11 @@ impl CompareArguments {
             scene.stress_free = reading;
         }
         let has_contact = scene.contact.is_some();
+        if let (Some(_), Some(ContactChoice::Both | ContactChoice::With)) = (self.two_way, self.contact) {
+            return Err(CommandError::Option(
+                "--two-way couples the thigh without contact; leave out --contact".into(),
+            ));
+        }
         let asked = match self.contact {
             None => [true, has_contact && self.two_way.is_none()],
             Some(ContactChoice::Without) => [true, false],
@@ -162,11 +167,11 @@ pub(super) fn carry_out(
     record.again = again(command, &prepared, asked, two_way);
     let mut out = OutputFolder::open(folder)?;
     if !arguments.resume {
-        for run in FOLDERS {
+        for run in FOLDERS.into_iter().chain([ONE_WAY_FOLDER]) {
             remove_run(&folder.join(run), "thigh").map_err(CompareError::from)?;
         }
     }
-    let study = prepared.solve(asked, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
+    let mut study = prepared.solve(asked, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
     record.seconds = progress.finish();
     let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
     let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
@@ -174,9 +179,13 @@ pub(super) fn carry_out(
     record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
     record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
     let clock = Instant::now();
-    let passes = two_way.map(|(scheme, most)| prepared.two_way(&study, scheme, most)).transpose()?;
-    if passes.is_some() {
+    let coupling = two_way.map(|(scheme, most)| prepared.two_way(&study, scheme, most)).transpose()?;
+    let Coupling { passes, last, shortcomings: unsettled } = coupling.unwrap_or_default();
+    if two_way.is_some() {
         record.stage("two-way", clock.elapsed());
+    }
+    if !last.is_empty() {
+        prepared.adopt(&mut study, &last, clock.elapsed(), folder)?;
     }
 
     let mut settings = prepared.scene.settings();
@@ -200,37 +209,30 @@ pub(super) fn carry_out(
         thigh: &study.thigh,
         bones: prepared.made.as_ref().map_or(&[], |m| &m.bones),
         mid_thigh: prepared.mid_thigh(),
-        steps: &prepared.steps,
+        steps: &study.steps,
         configurations: [computed(0), computed(1)],
         settings: &settings,
         simulated: &simulated,
         left_out: &left_out,
         calibration: &study.calibration,
-        passes: passes.as_deref().unwrap_or(&[]),
+        passes: &passes,
+        one_way: study.one_way.as_ref(),
+        unsettled: &unsettled,
         seconds: &seconds,
     };
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
-    let mut shortcomings = report.shortcomings();
-    if let (Some(passes), Some((_, most))) = (&passes, two_way)
-        && let (true, Some(change)) = (passes.len() == most, passes.last().and_then(|p| p.change))
-        && change >= TOLERANCE
-    {
-        shortcomings
-            .push(format!("two-way coupling: the capacity still changes by {change:.1e} in pass {most}"));
-    }
+    let shortcomings = report.shortcomings();
     if !shortcomings.is_empty() {
         record.status = RunStatus::NotConverged;
         record.reason = Some(shortcomings.join("; "));
     }
-    out.write("explanation.csv", |w| study.write_explanations(w, &prepared.steps))?;
+    out.write("explanation.csv", |w| study.write_explanations(w))?;
     out.write("calibration.csv", |w| write_calibration(w, &study.thigh, &study.calibration))?;
-    match &passes {
-        Some(passes) => {
-            out.write("passes.csv", |w| write_passes(w, &prepared.steps, passes))?;
-            let steps = &prepared.steps;
-            out.write("missing_moments.csv", |w| write_missing(w, &study.thigh, steps, passes))?;
-        }
-        None => ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?,
+    if two_way.is_some() {
+        out.write("passes.csv", |w| write_passes(w, &study.steps, &passes))?;
+        out.write("missing_moments.csv", |w| write_missing(w, &study.thigh, &study.steps, &passes))?;
+    } else {
+        ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?;
     }
     let record = write_compare(out, &report, record)?;
     let mut terminal = std::io::stdout().lock();
@@ -238,7 +240,7 @@ pub(super) fn carry_out(
     let _ = if arguments.json {
         let verdict = serde_json::json!({
             "scene": prepared.scene.name, "status": record.status, "reason": record.reason,
-            "differences": record.verdict, "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
+            "differences": record.verdict, "two_way": two_way.map(|_| said_of(&passes, &unsettled)), "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
             "files": folder.join("run.json"),
         });
         writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data"))
@@ -274,9 +276,18 @@ fn again(command: &str, prepared: &Prepared, asked: [bool; 2], two_way: Option<(
     again
 }
 
+/// What `--json` says of two-way coupling.
+fn said_of(passes: &[Pass], unsettled: &[String]) -> serde_json::Value {
+    let last = passes.last();
+    serde_json::json!({
+        "settled": unsettled.is_empty(), "passes": passes.len(), "capacity_change": last.and_then(|p| p.change),
+        "largest_missing_Nm": last.map(Pass::largest_missing),
+    })
+}
+
 /// One line per pass of two-way coupling.
-fn print_passes(w: &mut impl Write, passes: &Option<Vec<Pass>>) -> std::io::Result<()> {
-    for (k, pass) in passes.iter().flatten().enumerate() {
+fn print_passes(w: &mut impl Write, passes: &[Pass]) -> std::io::Result<()> {
+    for (k, pass) in passes.iter().enumerate() {
         let change = pass.change.map_or("-".into(), |c| format!("{c:.2e}"));
         writeln!(
             w,
@@ -313,20 +324,27 @@ fn print(
             step.time,
             plain(step.knee_flexion.to_degrees(), 0)
         )?;
-        writeln!(
+        write!(
             w,
             "  {:<28}{:>10}{:>10}{:>14}{:>14}",
             "muscle", "activation", "rigid N", "FE no contact", "FE contact"
         )?;
+        let beside = if report.one_way.is_some() { "  one-way: rigid N   FE N" } else { "" };
+        writeln!(w, "{beside}")?;
         for row in report.rows(k) {
-            let [without, with] = row.fe.map(|f| f.map_or("-".into(), |f| plain(f.total, 1)));
-            writeln!(
+            let force = |f: Option<MuscleForce>| f.map_or("-".into(), |f| plain(f.total, 1));
+            let [without, with] = row.fe.map(force);
+            write!(
                 w,
                 "  {:<28}{:>10.3}{:>10}{without:>14}{with:>14}",
                 row.muscle,
                 row.activation,
                 plain(row.rigid, 1)
             )?;
+            if let Some(before) = row.one_way {
+                write!(w, "{:>18}{:>7}", plain(before.rigid, 1), force(before.fe))?;
+            }
+            writeln!(w)?;
         }
         for d in differences.iter().filter(|d| d.step == step.name) {
             writeln!(

@@ -10,8 +10,8 @@ use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
 use crate::number::plain;
-use crate::report::compare::{CompareReport, compare_page};
-use crate::study::FOLDERS;
+use crate::report::compare::{CompareReport, OneWayRow, compare_page};
+use crate::study::{FOLDERS, ONE_WAY_FOLDER};
 
 /// Writes tables, page and, last of all, `run.json` into `out`.
 pub fn write_compare(
@@ -33,11 +33,25 @@ pub fn write_compare(
     out.write("rigid_forces.sto", |w| {
         sto::write(w, &format!("{} rigid_forces ({})", report.name, report.subject), &rigid, false)
     })?;
+    let before = |of: fn(OneWayRow) -> f64| forces(report, move |row| row.one_way.map_or(f64::NAN, of));
+    for (name, series) in [
+        ("rigid_forces_one_way", before(|b| b.rigid)),
+        ("fe_forces_no_contact_one_way", before(|b| b.fe.map_or(f64::NAN, |f| f.total))),
+    ] {
+        let file = format!("{name}.sto");
+        match report.one_way {
+            Some(_) => {
+                let title = format!("{} {name} ({})", report.name, report.subject);
+                out.write(&file, |w| sto::write(w, &title, &series, false))?
+            }
+            None => out.remove(&file)?,
+        }
+    }
     let page = compare_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = serde_json::to_value(report.differences()).ok();
     record.files = out.files().to_vec();
-    for folder in FOLDERS {
+    for folder in FOLDERS.into_iter().chain(report.one_way.map(|_| ONE_WAY_FOLDER)) {
         // What a killed run would have gone on from.
         let path = out.path().join(folder);
         remove_states(&path, "thigh").map_err(|e| OutputError::at("remove the states in", &path, e))?;
@@ -68,12 +82,18 @@ fn forces(report: &CompareReport, force: impl Fn(&crate::report::compare::Row) -
     }
 }
 
-/// `comparison.csv`: a row per step and muscle; the parts are those with contact where there is contact.
+/// `comparison.csv`: a row per step and muscle; the parts are those with contact where there is contact. Of a two-way result the columns are
+/// those of its last pass, and the one-way result follows.
 fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()> {
     writeln!(
         w,
         "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
-         fibre_N,matrix_N,shell_N"
+         fibre_N,matrix_N,shell_N{}",
+        if report.one_way.is_some() {
+            ",activation_one_way,rigid_one_way_N,fe_no_contact_one_way_N"
+        } else {
+            ""
+        }
     )?;
     for (k, step) in report.steps.iter().enumerate() {
         for row in report.rows(k) {
@@ -89,7 +109,12 @@ fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()>
                 number(parts.map(|f| f.matrix)),
                 number(parts.map(|f| f.shell)),
             ];
-            writeln!(w, "{},{},{:.4},{}", step.name.name(), row.muscle, row.activation, columns.join(","))?;
+            write!(w, "{},{},{:.4},{}", step.name.name(), row.muscle, row.activation, columns.join(","))?;
+            if let Some(before) = row.one_way {
+                let [rigid, fe] = [Some(before.rigid), before.fe.map(|f| f.total)].map(number);
+                write!(w, ",{:.4},{rigid},{fe}", before.activation)?;
+            }
+            writeln!(w)?;
         }
     }
     Ok(())

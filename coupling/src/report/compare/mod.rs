@@ -18,6 +18,7 @@ use super::page::{document_with, label_table, section};
 use crate::compare::{Configuration, MuscleForce, wanted};
 use crate::fibres::Calibration;
 use crate::steps::{RigidStep, StepName};
+use crate::study::OneWay;
 use crate::thigh::build::Thigh;
 use crate::two_way::Pass;
 
@@ -60,6 +61,10 @@ pub struct CompareReport<'a> {
     pub calibration: &'a Calibration,
     /// Passes of two-way coupling; empty without.
     pub passes: &'a [Pass],
+    /// The one-way result beside a two-way one, of which everything else here is then.
+    pub one_way: Option<&'a OneWay>,
+    /// Why the passes are no settled result; empty where they are, or where there are none.
+    pub unsettled: &'a [String],
     /// Stage and wall seconds, in the order of the run.
     pub seconds: &'a [(String, f64)],
 }
@@ -75,6 +80,19 @@ pub struct Row {
     pub rigid: f64,
     /// Section forces without and with contact; `None` where not solved.
     pub fe: [Option<MuscleForce>; 2],
+    /// The one-way result, where this is a two-way one.
+    pub one_way: Option<OneWayRow>,
+}
+
+/// One muscle at one step before two-way coupling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OneWayRow {
+    /// Activation, 0..1.
+    pub activation: f64,
+    /// Force of the rigid leg \[N\].
+    pub rigid: f64,
+    /// Section force without contact; `None` where not solved.
+    pub fe: Option<MuscleForce>,
 }
 
 impl Row {
@@ -114,11 +132,17 @@ impl CompareReport<'_> {
     /// The comparison at one step.
     pub fn rows(&self, step: usize) -> Vec<Row> {
         let rigid = wanted(self.thigh, &self.steps[step]);
+        let before = self.one_way.map(|o| (o, wanted(self.thigh, &o.steps[step])));
         let row = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| Row {
             muscle: muscle.name.clone(),
             activation: self.steps[step].activation(&muscle.name),
             rigid: rigid[i],
             fe: self.configurations.map(|c| Some(c?.result.steps.get(step)?.muscles[i])),
+            one_way: before.as_ref().map(|(one_way, rigid)| OneWayRow {
+                activation: one_way.steps[step].activation(&muscle.name),
+                rigid: rigid[i],
+                fe: one_way.result.steps.get(step).map(|s| s.muscles[i]),
+            }),
         };
         self.thigh.muscles.iter().enumerate().map(row).collect()
     }
@@ -165,6 +189,7 @@ impl CompareReport<'_> {
                 reasons.extend(result.intersections.iter().map(|i| format!("{which}: {i} intersect")));
             }
         }
+        reasons.extend(self.unsettled.iter().cloned());
         reasons
     }
 }
@@ -205,8 +230,8 @@ pub fn compare_page(report: &CompareReport) -> String {
         slices::sections(report),
         viewer::viewer(report),
         tables::explanations(report),
-        calibration::section_of(report),
         calibration::passes(report),
+        calibration::section_of(report),
         convergence::section_of(report),
         cost::section_of(report),
         section("What was simulated and what was left out", "", &details),

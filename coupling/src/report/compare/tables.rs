@@ -6,7 +6,7 @@ use super::published::published;
 use super::{CARRIES, CONFIGURATIONS, CompareReport, Computed, Row, step_words, words};
 use crate::explain::explain;
 use crate::report::page::{section, table};
-use crate::report::svg::{escape, fixed};
+use crate::report::svg::{escape, fixed, significant};
 
 /// Differences above this are marked and explained \[N\].
 const WORTH_EXPLAINING: f64 = 20.0;
@@ -38,7 +38,16 @@ pub(super) fn headline(report: &CompareReport) -> String {
     let missed = report.shortcomings();
     let (class, verdict, detail) = if missed.is_empty() {
         let done: Vec<&str> = computed(report).map(|c| CONFIGURATIONS[c]).collect();
-        ("ok", "Solved", format!("Every step {} is in equilibrium.", done.join(" and ")))
+        let mut detail = format!("Every step {} is in equilibrium.", done.join(" and "));
+        if let Some(change) = report.passes.last().and_then(|p| p.change) {
+            let passes = report.passes.len();
+            let _ = write!(
+                detail,
+                " Two-way: in {passes} passes the capacity of the muscles settled to {}; all forces are those of the last pass.",
+                significant(change, 1)
+            );
+        }
+        ("ok", "Solved", detail)
     } else {
         ("bad", "Not solved", missed.join("; "))
     };
@@ -82,6 +91,11 @@ pub(super) fn comparison(report: &CompareReport) -> String {
                 "<th scope=\"col\" class=\"n\">FE {name}, N</th><th scope=\"col\" class=\"n\">difference, N</th>"
             );
         }
+        if report.one_way.is_some() {
+            content.push_str(
+                "<th scope=\"col\" class=\"n one-way\">one-way: rigid, N</th><th scope=\"col\" class=\"n\">one-way: FE, N</th>",
+            );
+        }
         content.push_str("</tr></thead><tbody>");
         for row in &rows {
             let quiet = if row.rigid < CARRIES { " class=\"rest\"" } else { "" };
@@ -95,17 +109,30 @@ pub(super) fn comparison(report: &CompareReport) -> String {
             for c in computed(report) {
                 content.push_str(&force_cells(row, c));
             }
+            if let Some(before) = row.one_way {
+                let fe = before.fe.map_or(f64::NAN, |f| f.total);
+                let _ = write!(
+                    content,
+                    "<td class=\"n one-way\">{}</td><td class=\"n\">{}</td>",
+                    fixed(before.rigid, 1),
+                    fixed(fe, 1)
+                );
+            }
             content.push_str("</tr>\n");
         }
         content.push_str("</tbody></table></div>\n");
     }
     content.push_str("</div>\n<h3>Differences beside those of the publication</h3>\n");
     content.push_str(&summary(report));
-    section(
-        "Muscle forces",
+    let mut lead = String::from(
         "Force through the belly of each muscle, along its line. The rigid column is the vector sum of the muscle's lines of action. Muscles at rest in the rigid leg are grey; differences of more than 20 N are marked and explained below.",
-        &content,
-    )
+    );
+    if report.one_way.is_some() {
+        lead.push_str(
+            " Two-way: rigid is what force sharing wants of the muscles with the lever arms, lengths and forces of the thigh; activation is the isometric one that drives the muscle. The last columns are the forces before anything was fed back.",
+        );
+    }
+    section("Muscle forces", &lead, &content)
 }
 
 fn force_cells(row: &Row, configuration: usize) -> String {
