@@ -324,6 +324,18 @@ fn flexing_the_registered_leg_flexes_its_joints() {
     assert!((bent[0] - still[0] - 0.3).abs() < 0.02, "hip {} to {}", still[0], bent[0]);
 }
 
+/// Forces of a frame that nothing within its bounds carries are no forces to drive a thigh with.
+#[test]
+fn a_frame_without_a_solution_is_no_step() {
+    let mut done = optimize(&OptimizeOptions::default()).unwrap();
+    let registration = Registration::new(MeshFrames::built_in(), &done.model).unwrap();
+    let verdict = &mut done.effort.verdicts[0];
+    verdict.status = multibody::trial::Status::Infeasible;
+    verdict.reason = Some("hip_flexion lacks 3 N·m".into());
+    let error = rigid_step(&done, &registration, StepName::HeelStrike).unwrap_err();
+    assert!(error.contains("heel_strike") && error.contains("hip_flexion lacks 3 N·m"), "{error}");
+}
+
 /// Lever arms from the virtual work of forces on the bones: of the lines of the rigid leg they are those of its equilibrium.
 #[test]
 fn virtual_work_on_the_bones_gives_the_lever_arms_of_the_lines() {

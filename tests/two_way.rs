@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use coupling::capacity::sewn;
 use coupling::fixed_point::Scheme;
 use coupling::scene::Scene;
 use coupling::study::{Prepared, Study};
@@ -10,9 +11,13 @@ use coupling::two_way::{Pass, TOLERANCE};
 /// Muscles across the hip and across the knee, coarse.
 const SCENE: &str = "muscles = [\"gluteus_maximus\", \"gluteus_medius\", \"vastus_lateralis\"]\nresolution_mm = 18.0\n[effects]\ncontact = \"none\"\n";
 
-fn solved() -> (Prepared, Study) {
+/// The quadriceps, whose tendons are sewn together, and a muscle that is not.
+const QUADRICEPS: &str = "muscles = [\"rectus_femoris\", \"vastus_medialis\", \"vastus_intermedius\", \"vastus_lateralis\", \"gluteus_minimus\"]\n\
+                          resolution_mm = 20.0\n[effects]\ncontact = \"none\"\n";
+
+fn solved(scene: &str) -> (Prepared, Study) {
     let folder = tempfile::tempdir().unwrap();
-    let scene = Scene::parse(Path::new("mine.toml"), SCENE, None).unwrap();
+    let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
     let study = prepared.solve([true, false], &folder.path().join("out"), false, &mut |_| ()).unwrap();
     (prepared, study)
@@ -24,7 +29,7 @@ fn last_change(passes: &[Pass]) -> f64 {
 
 #[test]
 fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
-    let (prepared, study) = solved();
+    let (prepared, study) = solved(SCENE);
     let run = |scheme| prepared.two_way(&study, scheme, 16).unwrap().passes;
     let (quick, slow) = (run(Scheme::IqnIls(1.0)), run(Scheme::Relaxation(0.5)));
     for (name, passes) in [("IQN-ILS", &quick), ("relaxation", &slow)] {
@@ -46,4 +51,43 @@ fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
     assert!(last_change(&slow) < TOLERANCE && slow.len() > quick.len(), "{} passes", slow.len());
     let (before, after) = (quick[0].largest_missing(), quick[quick.len() - 1].largest_missing());
     assert!(after < 0.1 * before, "{before} N m before, {after} N m after");
+}
+
+/// Seams pass force from head to head of the quadriceps, so at the knee a head alone has no lever arm. As one unit the heads share as the
+/// rigid leg does, and the whole has the moment that the mesh makes.
+#[test]
+fn sewn_heads_are_one_unit_and_none_takes_all() {
+    let (prepared, study) = solved(QUADRICEPS);
+    let (plan, _) = study.configurations[0].as_ref().unwrap();
+    let units = sewn(plan, &study.thigh);
+    let names: Vec<Vec<&str>> =
+        units.iter().map(|u| u.iter().map(|&m| study.thigh.muscles[m].name.as_str()).collect()).collect();
+    println!("{names:?}");
+    let quadriceps = units.iter().find(|u| u.len() > 1).unwrap();
+    assert_eq!((units.len(), quadriceps.len()), (2, 4), "{names:?}");
+    let coupling = prepared.two_way(&study, Scheme::IqnIls(1.0), 16).unwrap();
+    let (first, last) = (&coupling.passes[0], coupling.passes.last().unwrap());
+    for (k, pass) in coupling.passes.iter().enumerate() {
+        println!(
+            "{}: {:?} {:.3} N m, {:?} N, {:?}",
+            k + 1,
+            pass.change,
+            pass.largest_missing(),
+            pass.wanted[1],
+            pass.changed_most
+        );
+    }
+    assert!(coupling.shortcomings.is_empty(), "{:?}", coupling.shortcomings);
+    let shares = |forces: &[f64]| {
+        let sum: f64 = quadriceps.iter().map(|&m| forces[m]).sum();
+        quadriceps.iter().map(|&m| forces[m] / sum).collect::<Vec<_>>()
+    };
+    for forces in [&last.wanted[1], &last.found[1]] {
+        for (one, two) in shares(&first.wanted[1]).iter().zip(shares(forces)) {
+            assert!((one - two).abs() < 0.1, "one-way {first:?}, two-way {last:?}");
+        }
+    }
+    // At the knee the whole pulls as force sharing counts on.
+    let knee: f64 = quadriceps.iter().map(|&m| last.lacking[1][m][3]).sum();
+    assert!(knee.abs() < 0.2, "{knee} N m at the knee");
 }

@@ -90,6 +90,11 @@ impl RigidMuscle {
         self.lines.iter().map(|l| l.force * l.direction()).sum()
     }
 
+    /// Sum of the tensions, as of lines that all run along the belly \[N\].
+    pub fn tension(&self) -> f64 {
+        self.lines.iter().map(|l| l.force).sum()
+    }
+
     /// Mean activation of the lines, weighted with their strength.
     pub fn activation(&self) -> f64 {
         let strength: f64 = self.lines.iter().map(|l| l.f_max).sum();

@@ -41,7 +41,8 @@ pub fn write_compare(
         let file = format!("{name}.sto");
         match report.one_way {
             Some(_) => {
-                out.write(&file, |w| sto::write(w, &format!("{} {name}", report.name), &series, false))?
+                let title = format!("{} {name} ({})", report.name, report.subject);
+                out.write(&file, |w| sto::write(w, &title, &series, false))?
             }
             None => out.remove(&file)?,
         }
@@ -111,8 +112,8 @@ fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()>
             ];
             write!(w, "{},{},{:.4},{}", step.name.name(), row.muscle, row.activation, columns.join(","))?;
             if let Some(before) = row.one_way {
-                let fe = number(before.fe.map(|f| f.total));
-                write!(w, ",{:.4},{:.3},{fe}", before.activation, before.rigid)?;
+                let [rigid, fe] = [Some(before.rigid), before.fe.map(|f| f.total)].map(number);
+                write!(w, ",{:.4},{rigid},{fe}", before.activation)?;
             }
             writeln!(w)?;
         }

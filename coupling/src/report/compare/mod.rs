@@ -20,7 +20,7 @@ use serde::Serialize;
 use super::page::{document_with, label_table, section};
 use crate::compare::{Configuration, MuscleForce, wanted};
 use crate::fibres::Calibration;
-use crate::steps::{RigidStep, StepName};
+use crate::steps::{RigidMuscle, RigidStep, StepName};
 use crate::study::OneWay;
 use crate::thigh::build::Thigh;
 use crate::two_way::Pass;
@@ -134,7 +134,12 @@ pub struct Difference {
 impl CompareReport<'_> {
     /// The comparison at one step.
     pub fn rows(&self, step: usize) -> Vec<Row> {
-        let rigid = wanted(self.thigh, &self.steps[step]);
+        // Fed back, all lines of a muscle have its lever arms and pull along its belly: their tensions simply add up.
+        let tension = |name: &str| self.steps[step].muscle(name).map_or(0.0, RigidMuscle::tension);
+        let rigid: Vec<f64> = match self.one_way {
+            Some(_) => self.thigh.muscles.iter().map(|m| tension(&m.name)).collect(),
+            None => wanted(self.thigh, &self.steps[step]),
+        };
         let before = self.one_way.map(|o| (o, wanted(self.thigh, &o.steps[step])));
         let row = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| Row {
             muscle: muscle.name.clone(),

@@ -129,7 +129,7 @@ pub(super) fn comparison(report: &CompareReport) -> String {
     );
     if report.one_way.is_some() {
         lead.push_str(
-            " Two-way: rigid is what force sharing wants of the muscles with the lever arms, lengths and forces of the thigh; activation is the isometric one that drives the muscle. The last columns are the forces before anything was fed back.",
+            " Two-way: rigid is what force sharing wants of the muscles with the lever arms, lengths and forces of the thigh, the sum of the tensions of a muscle's lines; activation is the isometric one that drives the muscle. The last columns are the forces before anything was fed back.",
         );
     }
     section("Muscle forces", &lead, &content)
