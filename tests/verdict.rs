@@ -158,7 +158,7 @@ fn starts_and_loads_of_another_plan_are_refused() {
     );
     let mut session = Session::new(&plan, &Settings::default(), None).unwrap();
     let done = session.advance(&DriveFrame { time: 1.0, load: Default::default() });
-    assert!(matches!(done.errors[..], [SolveError::Count { found: 0, .. }]), "{:?}", done.errors);
+    assert!(matches!(done.errors[..], [SolveError::Load { .. }]), "{:?}", done.errors);
 }
 
 /// A load that is never borne, and load steps as short as anyone likes: it ends, and says by which bound.

@@ -168,7 +168,8 @@ impl<'a> Session<'a> {
         frame: &Frame,
         step: usize,
     ) -> Result<Session<'a>, SolveError> {
-        check_load(plan, &frame.load)?;
+        let wrong = |source| SolveError::Load { step, source: Box::new(source) };
+        plan.check_load(&frame.load).map_err(wrong)?;
         let (from, time) = (frame.load.clone(), frame.time);
         // A frame without velocities is at rest.
         let mut v = frame.v.clone();
@@ -182,11 +183,14 @@ impl<'a> Session<'a> {
         let (x, v, from, step) = (&self.x, &self.v, &self.from, self.step);
         let h = to.time - self.time;
         let inertia = self.plan.inertia.as_ref();
-        let no_time = inertia.is_some() && !(h > 0.0 && h.is_finite());
-        let refused = check_load(self.plan, &to.load).err();
-        if let Some(error) =
-            refused.or(no_time.then_some(SolveError::NoTime { step, from: self.time, to: to.time }))
-        {
+        let refused = match self.plan.check_load(&to.load) {
+            Err(source) => Some(SolveError::Load { step, source: Box::new(source) }),
+            Ok(()) if inertia.is_some() && !(h > 0.0 && h.is_finite()) => {
+                Some(SolveError::NoTime { step, from: self.time, to: to.time })
+            }
+            Ok(()) => None,
+        };
+        if let Some(error) = refused {
             let frame =
                 Frame { time: to.time, load: from.clone(), x: x.clone(), v: v.clone(), islands: Vec::new() };
             return Advanced { frame, errors: vec![error], iterations: Vec::new() };
@@ -198,6 +202,10 @@ impl<'a> Session<'a> {
             .with_max_len(1)
             .map(|(island, solver)| {
                 let local = island.gather(x);
+                if let Some((det_f, place)) = island.folded(&to.load) {
+                    let island = island.name.clone();
+                    return (local, Err(SolveError::Folded { island, step, place, det_f }), Vec::new());
+                }
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
                 if let Some(inertia) = inertia {
@@ -236,12 +244,6 @@ impl<'a> Session<'a> {
             Frame { time: to.time, load: to.load.clone(), x: self.x.clone(), v: self.v.clone(), islands };
         Advanced { frame, errors, iterations }
     }
-}
-
-/// Refuses a load of another plan.
-fn check_load(plan: &Plan, load: &Load) -> Result<(), SolveError> {
-    count("controls of the load", load.controls.len(), plan.controls.len(), "one per control")?;
-    count("poses of the load", load.poses.len(), plan.bodies.len(), "one per body")
 }
 
 fn count(what: &'static str, found: usize, needed: usize, of: &str) -> Result<(), SolveError> {
