@@ -6,6 +6,10 @@
 //! Quantities that change in time are *controls*: names (an activation, a pressure, a load factor) whose values a
 //! [`crate::run::Drive`] gives. Bones are *bodies*: names whose poses the drive gives, relative to the mesh.
 
+mod user_law;
+
+pub use user_law::UserLaw;
+
 use crate::element::Formulation;
 use crate::material::line::FibreStrain;
 use crate::mesh::LengthUnit;
@@ -34,10 +38,14 @@ pub struct Scene {
     pub inertia: Option<InertiaSpec>,
     /// Follower pressures.
     pub pressures: Vec<PressureSpec>,
+    /// Follower pressures on patches whose rims move freely.
+    pub patch_pressures: Vec<PatchPressureSpec>,
     /// Dead nodal forces.
     pub forces: Vec<ForceSpec>,
     /// Prescribed displacements, rollers among them.
     pub prescribed: Vec<PrescribedSpec>,
+    /// Rollers on planes of any direction.
+    pub rollers: Vec<RollerSpec>,
     /// Nodes tied to rigid bodies whose poses the drive prescribes.
     pub ties: Vec<TieSpec>,
     /// Sets of nodes that move as one plane.
@@ -68,9 +76,9 @@ pub struct SolidSpec {
 
 impl SolidSpec {
     /// A region with everything else at its default.
-    pub fn new(region: &str, law: LawSpec) -> SolidSpec {
+    pub fn new(region: &str, law: impl Into<LawSpec>) -> SolidSpec {
         let (region, density) = (region.to_string(), soft_tissue_density());
-        SolidSpec { region, law, formulation: None, density, scale: Vec::new() }
+        SolidSpec { region, law: law.into(), formulation: None, density, scale: Vec::new() }
     }
 }
 
@@ -143,6 +151,8 @@ pub enum LawSpec {
         /// Control that holds the activation; absent: passive.
         activation: Option<String>,
     },
+    /// A law of a user's own; see [`LawSpec::user`].
+    User(UserLaw),
 }
 
 /// Where the fibre direction of a solid comes from.
@@ -306,6 +316,18 @@ pub struct PressureSpec {
     pub control: String,
 }
 
+/// Pressure that stays normal to a surface whose rim may move freely: nothing but the force p n da on the patch as it is. It has no energy, so
+/// the solver finds an equilibrium in some more iterations and says nothing of its stability; where the rim allows it take a
+/// [`PressureSpec`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchPressureSpec {
+    /// Surface of the mesh; normals by the right-hand rule, positive pressure pushes against them.
+    pub surface: String,
+    /// Control that holds the pressure \[Pa\].
+    pub control: String,
+}
+
 /// Dead forces on the nodes of a set.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -334,6 +356,22 @@ pub struct PrescribedSpec {
     pub control: Option<String>,
 }
 
+/// Nodes that slide in planes of any direction. A node of two such sets slides along the line in which the planes meet, one of three is held.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RollerSpec {
+    /// Node set.
+    pub nodes: String,
+    /// Normal of the planes; normalised.
+    pub normal: [f64; 3],
+    /// Displacement \[m\] along the normal at unit value of the control.
+    #[serde(default)]
+    pub displacement: f64,
+    /// Control that scales it; absent: the planes stay where they are.
+    #[serde(default)]
+    pub control: Option<String>,
+}
+
 /// Nodes that move with a rigid body.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -344,14 +382,30 @@ pub struct TieSpec {
     pub body: String,
 }
 
-/// Nodes whose displacement component along an axis is one common unknown.
+/// Nodes whose displacement along a direction is one common unknown.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneSpec {
     /// Node set.
     pub nodes: String,
-    /// Axis 0, 1 or 2.
-    pub axis: usize,
+    /// Axis 0, 1 or 2, or a vector of any direction.
+    pub axis: Direction,
+}
+
+/// A direction: the number of an axis, or a vector, normalised.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(untagged, expecting = "0, 1 or 2 for an axis, or a vector of three numbers")]
+pub enum Direction {
+    /// 0, 1 or 2.
+    Axis(usize),
+    /// Any vector but zero.
+    Vector([f64; 3]),
+}
+
+impl From<usize> for Direction {
+    fn from(axis: usize) -> Direction {
+        Direction::Axis(axis)
+    }
 }
 
 /// Frictionless contact; see [`crate::contact`]. What is prescribed on both sides is not looked at: only the drive moves it.

@@ -148,8 +148,7 @@ fn surface(
     let user = format!("contact surface `{name}`");
     check(&user, "number of faces", faces.len() as f64, !faces.is_empty(), "positive")?;
     let rim = rim(&user, &faces)?;
-    let moves =
-        |n: &&u32| motion[**n as usize].iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_)));
+    let moves = |n: &&u32| motion[**n as usize].iter().any(Motion::is_unknown);
     let deforms = nodes.iter().any(|n| moves(&n));
     let first = motion[nodes[0] as usize];
     let together = nodes.iter().all(|&n| motion[n as usize] == first);
@@ -197,7 +196,7 @@ fn rim(user: &str, faces: &[[u32; 4]]) -> Result<Vec<[u32; 2]>, SceneError> {
     Ok(rim)
 }
 
-/// Young's modulus \[Pa\] at small strain, along no fibre.
+/// Young's modulus \[Pa\] at small strain, along no fibre; of a user's own law the mean over all directions.
 fn young(law: &LawSpec) -> f64 {
     let of = |mu: f64, bulk: f64| 9.0 * bulk * mu / (3.0 * bulk + mu);
     match law {
@@ -209,6 +208,7 @@ fn young(law: &LawSpec) -> f64 {
         LawSpec::MooneyRivlin { c10, c01, bulk } => of(2.0 * (c10 + c01), *bulk),
         LawSpec::MooneyRivlinDyna { a, b, nu } => 4.0 * (a + b) * (1.0 + nu),
         LawSpec::Blemker { g1, g2, bulk, .. } => of(g1 + g2, *bulk),
+        LawSpec::User(law) => law.mean_young(),
     }
 }
 
@@ -357,7 +357,7 @@ impl ContactPlan {
         let carrier = |m: &[Motion; 3]| match m {
             [Motion::Body(b), ..] => Some(*b as u32),
             [Motion::Held, Motion::Held, Motion::Held] => Some(HELD),
-            m if m.iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_))) => None,
+            m if m.iter().any(Motion::is_unknown) => None,
             _ => Some(CONTROLLED),
         };
         let input = ContactInput {
