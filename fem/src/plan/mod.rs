@@ -77,7 +77,14 @@ impl Plan {
         let contact = motion.as_ref().and_then(|(m, _)| mistakes.keep(contact(scene, &mut mesh, m)));
         let mut names = Names::default();
         let weights = weights(scene, &mesh, &mut names, &mut mistakes);
-        let terms = terms(scene, &mesh, motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())), &weights, &mut names, &mut mistakes);
+        let terms = terms(
+            scene,
+            &mesh,
+            motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())),
+            &weights,
+            &mut names,
+            &mut mistakes,
+        );
         let inertia = mistakes.keep(inertia::inertia(scene, &mesh));
         let motion = mistakes.keep(motion::motions(scene, &mesh, &mut names));
         let (Some((contact, repair)), Some(inertia), Some((motion, slides)), true) =
