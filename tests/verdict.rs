@@ -25,7 +25,11 @@ fn sphere() -> Plan {
     let mesh = generate::sphere_octant(0.010, 0.015, 4, 4);
     let scene = Scene {
         solids: vec![SolidSpec::new(&mesh.blocks[0].name, mooney_rivlin())],
-        pressures: vec![PressureSpec { surface: "inner".into(), origin: [0.0; 3], control: "load".into() }],
+        pressures: vec![PressureSpec {
+            surface: "inner".into(),
+            origin: Some([0.0; 3]),
+            control: "load".into(),
+        }],
         prescribed: vec![
             held("x_min", [true, false, false]),
             held("y_min", [false, true, false]),

@@ -258,7 +258,7 @@ impl Maker {
         let top = self.young * self.random.power(-4.0, 0.5);
         let control = self.control("pressure", -0.3 * top, top);
         let surface = pick(&mut self.random, &["inner", "outer"]).to_string();
-        self.out.scene.pressures.push(PressureSpec { surface, origin: [0.0; 3], control });
+        self.out.scene.pressures.push(PressureSpec { surface, origin: Some([0.0; 3]), control });
         self.say(format!("octant, pressure to {:.0e} E", top / self.young));
     }
 
@@ -309,7 +309,7 @@ impl Maker {
                 self.say("body");
             }
             4 if self.random.chance(0.5) => {
-                self.out.scene.planes.push(PlaneSpec { nodes: high.into(), axis: 0 });
+                self.out.scene.planes.push(PlaneSpec { nodes: high.into(), axis: 0.into() });
                 self.say("plane");
             }
             _ => {}
@@ -352,7 +352,11 @@ impl Maker {
                 true => [0.0; 3],
                 false => self.vector(-1.0, 6.0).into(),
             };
-            self.out.scene.pressures.push(PressureSpec { surface: surface.into(), origin, control });
+            self.out.scene.pressures.push(PressureSpec {
+                surface: surface.into(),
+                origin: Some(origin),
+                control,
+            });
             self.say(format!("pressure to {:.0e} E on {surface}", top / self.young));
         }
         if self.random.chance(0.3) {

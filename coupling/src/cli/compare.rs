@@ -311,15 +311,6 @@ fn again(command: &str, prepared: &Prepared, asked: [bool; 2], two_way: Option<(
     again
 }
 
-/// What `--json` says of two-way coupling.
-fn said_of(passes: &[Pass], unsettled: &[String]) -> serde_json::Value {
-    let last = passes.last();
-    serde_json::json!({
-        "settled": unsettled.is_empty(), "passes": passes.len(), "capacity_change": last.and_then(|p| p.change),
-        "largest_missing_Nm": last.map(Pass::largest_missing),
-    })
-}
-
 /// One line per pass of two-way coupling.
 fn print_passes(w: &mut impl Write, passes: &[Pass]) -> std::io::Result<()> {
     for (k, pass) in passes.iter().enumerate() {

@@ -283,7 +283,7 @@ fn terms(
         terms.extend(mistakes.keep(surfaces::pressure(spec, mesh, motion, names)));
     }
     for spec in &scene.patch_pressures {
-        terms.push(surfaces::patch_pressure(spec, mesh, names)?);
+        terms.extend(mistakes.keep(surfaces::patch_pressure(spec, mesh, names)));
     }
     if let Some(first) = weights.first() {
         let mut loads = vec![[0.0; 3]; mesh.points.len()];

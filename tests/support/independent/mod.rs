@@ -13,7 +13,7 @@ mod number;
 mod terms;
 
 use fem::mesh::Mesh;
-use fem::scene::Scene;
+use fem::scene::{Direction, Scene};
 use number::Wide;
 use std::collections::{BTreeMap, BTreeSet};
 use terms::{At, Kind, Term, Vector, masses, terms};
@@ -241,8 +241,9 @@ fn components(scene: &Scene, mesh: &Mesh) -> Vec<[Component; 3]> {
     }
     for spec in &scene.planes {
         let nodes = &mesh.node_sets[&spec.nodes];
+        let Direction::Axis(axis) = spec.axis else { panic!("planes of random scenes move along axes") };
         for &n in nodes.iter().skip(1) {
-            components[n as usize][spec.axis] = Component::Follows(nodes[0]);
+            components[n as usize][axis] = Component::Follows(nodes[0]);
         }
     }
     components
