@@ -326,7 +326,7 @@ fn a_rim_on_which_pressure_has_no_potential_is_refused() {
         ),
         ("an end that moves as one plane", "moves freely", &|s, _| {
             s.prescribed.pop();
-            s.planes.push(PlaneSpec { nodes: "z_max".to_string(), axis: 2 });
+            s.planes.push(PlaneSpec { nodes: "z_max".to_string(), axis: 2.into() });
         }),
         (
             "an oblique end on a roller along the axis",
