@@ -175,6 +175,18 @@ fn compare_can_be_computed_again_with_what_the_command_line_put_in_place_of_the_
 }
 
 #[test]
+fn a_mesh_can_be_computed_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments =
+        ["mesh", "--out=first", "--resolution", "14.3", "--json", "--only", "gracilis", "--threads", "1"];
+    let output = sartorius(&arguments, folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let first = folder.path().join("first");
+    assert_eq!(run_json(&first)["again"]["arguments"].as_array().unwrap().len(), 7);
+    assert_same(&first, &again(&first, None).path().join("again"));
+}
+
+#[test]
 fn the_record_says_who_computed_what_when_and_where() {
     let folder = tempfile::tempdir().unwrap();
     let output = sartorius(&["optimize", "--out", "first"], folder.path());

@@ -18,7 +18,7 @@ use crate::error::CommandError;
 use crate::number::short;
 use crate::optimize::{Case, OptimizeOptions};
 use crate::output::mesh::write_mesh;
-use crate::output::origin::InputFile;
+use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use crate::registration::{MeshFrames, Registration};
 use crate::report::mesh::{MeshReport, MeshSummary};
@@ -137,7 +137,8 @@ pub fn run(arguments: &MeshArguments) -> Result<Outcome, CommandError> {
     };
     let summary = MeshSummary::of(&report);
     record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
-    record.threads = rayon::current_num_threads();
+    record.subject = Some(settings[1].1.clone());
+    record.again = Again::as_typed(&record.command_line);
     let outcome = if summary.missed.is_empty() { Outcome::Solved } else { Outcome::NotSolved };
     if outcome == Outcome::NotSolved {
         record.status = RunStatus::NotConverged;

@@ -145,6 +145,21 @@ pub struct Again {
 }
 
 impl Again {
+    /// The command line as it was typed, without where the results go and how they are told; for commands whose files are all inputs.
+    pub fn as_typed(command_line: &[String]) -> Again {
+        let mut arguments = Vec::new();
+        let mut typed = command_line.iter().skip(1);
+        while let Some(argument) = typed.next() {
+            match argument.as_str() {
+                "--out" => drop(typed.next()),
+                "--json" => {}
+                other if other.starts_with("--out=") => {}
+                _ => arguments.push(argument.clone()),
+            }
+        }
+        Again { arguments, files: BTreeMap::new() }
+    }
+
     /// Adds a trial file and what it names, each by its name in the folder of the trial; returns the path of the trial among the files.
     pub fn trial(&mut self, texts: &[(String, String)]) -> Option<String> {
         let name = |name: &str| format!("trial/{name}");

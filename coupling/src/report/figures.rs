@@ -125,9 +125,8 @@ impl View<'_> {
             "largest error, N (BW)",
         ];
         let lead = format!(
-            "Instrumented knee, interpolated linearly to {} frames; {} frames could not be compared. Both of the next two are called R² in the literature: 1 − SSE/SST, \
-             the share of the measurement's variance that is met, counts an offset and a wrong scale against the model, and is negative where its mean would be better; \
-             the squared correlation ignores offset and scale.",
+            "Instrumented knee, interpolated linearly to {} frames; {} frames could not be compared. Two numbers are called R²: 1 − SSE/SST counts an offset \
+             and a wrong scale against the model, and is negative where the mean of the measurement would do better; the squared correlation ignores both.",
             overlay.time.len(),
             overlay.frames_left_out
         );
