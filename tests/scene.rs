@@ -97,7 +97,7 @@ fn mistakes_are_named_with_place_and_remedy() {
         (
             compile(&|s| {
                 let (surface, control) = ("y_max".to_string(), "p".to_string());
-                s.pressures.push(PressureSpec { surface, origin: [0.0; 3], control });
+                s.pressures.push(PressureSpec { surface, control, origin: None });
             }),
             vec!["rim", "node"],
         ),

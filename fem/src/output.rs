@@ -235,6 +235,13 @@ fn failure(error: &SolveError) -> Value {
             "island": island, "frame": step, "place": place, "least_det_f": det_f,
             "reason": "the start is inadmissible", "message": message,
         }),
+        SolveError::Folded { island, step, place, det_f } => json!({
+            "island": island, "frame": step, "place": place, "least_det_f": det_f,
+            "reason": "what is prescribed turns an element inside out", "message": message,
+        }),
+        SolveError::Load { step, .. } => json!({
+            "frame": step, "reason": "the load is not one of the plan, or not finite", "message": message,
+        }),
         SolveError::Unsupported { island, parts } => json!({
             "island": island, "parts": parts.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "reason": "moves without resistance", "message": message,

@@ -142,8 +142,15 @@ impl<'a> Session<'a> {
         let (x, v, from, step) = (&self.x, &self.v, &self.from, self.step);
         let h = to.time - self.time;
         let inertia = self.plan.inertia.as_ref();
-        if inertia.is_some() && !(h > 0.0 && h.is_finite()) {
-            let errors = vec![SolveError::NoTime { step, from: self.time, to: to.time }];
+        let refused = match self.plan.check_load(&to.load) {
+            Err(source) => Some(SolveError::Load { step, source: Box::new(source) }),
+            Ok(()) if inertia.is_some() && !(h > 0.0 && h.is_finite()) => {
+                Some(SolveError::NoTime { step, from: self.time, to: to.time })
+            }
+            Ok(()) => None,
+        };
+        if let Some(error) = refused {
+            let errors = vec![error];
             let frame =
                 Frame { time: to.time, load: from.clone(), x: x.clone(), v: v.clone(), islands: Vec::new() };
             return Advanced { frame, errors, iterations: Vec::new() };
@@ -155,6 +162,10 @@ impl<'a> Session<'a> {
             .with_max_len(1)
             .map(|(island, solver)| {
                 let local = island.gather(x);
+                if let Some((det_f, place)) = island.folded(&to.load) {
+                    let island = island.name.clone();
+                    return (local, Err(SolveError::Folded { island, step, place, det_f }), Vec::new());
+                }
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
                 if let Some(inertia) = inertia {

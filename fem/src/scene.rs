@@ -292,15 +292,16 @@ pub struct VelocitySpec {
 }
 
 /// Pressure that stays normal to a surface.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PressureSpec {
-    /// Surface of the mesh; normals by the right-hand rule, positive pressure pushes against them.
+    /// Surface of the mesh; normals by the right-hand rule, positive pressure pushes against them. It may be closed or have any number
+    /// of openings; the rim of each is held or slides in the plane of the opening. What lies in an opening feels nothing: pressure on a
+    /// lid is a pressure on the surface of the lid.
     pub surface: String,
-    /// A point \[m\] in every plane that cuts the surface open (the centre for an octant); any point where it is closed
-    /// or its rim is held.
-    #[serde(default)]
-    pub origin: [f64; 3],
+    /// Was a point in the planes of all openings \[m\]. Not needed: openings are found from the surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<[f64; 3]>,
     /// Control that holds the pressure \[Pa\].
     pub control: String,
 }

@@ -11,22 +11,43 @@ use std::collections::BTreeMap;
 pub struct Overlap {
     /// The surfaces.
     pub names: [String; 2],
-    /// Greatest depth \[m\] of a point of one inside the other; 0 where they only touch.
+    /// Greatest depth \[m\] of a point of one inside the other; 0 where there is none.
     pub depth: f64,
+    /// Least signed distance \[m\] of a point of one from the other, negative inside; infinite where only edges cross.
+    pub gap: f64,
     /// Where that is \[m\].
     pub place: [f64; 3],
     /// Number of collision points concerned, of both.
     pub n_points: usize,
+    /// Number of edges of one that pass through faces of the other.
+    pub n_crossings: usize,
 }
 
 impl std::fmt::Display for Overlap {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let Overlap { names: [a, b], depth, place: [x, y, z], n_points } = self;
-        write!(
-            f,
-            "`{a}` and `{b}` by {:.3} mm ({n_points} points, deepest at {x:.4}, {y:.4}, {z:.4} m)",
-            depth * 1e3
-        )
+        let Overlap { names: [a, b], depth, gap, place: [x, y, z], n_points, n_crossings } = self;
+        write!(f, "`{a}` and `{b}` ")?;
+        match self.is_overlap() {
+            true if *depth > 0.0 => {
+                write!(f, "by {:.3} mm ({n_points} points, deepest at {x:.4}, {y:.4}, {z:.4} m)", depth * 1e3)
+            }
+            true => write!(
+                f,
+                "by {n_crossings} edges that pass through faces, one from {x:.4}, {y:.4}, {z:.4} m on"
+            ),
+            false => write!(
+                f,
+                "{:.3} mm apart ({n_points} points, nearest at {x:.4}, {y:.4}, {z:.4} m)",
+                gap * 1e3
+            ),
+        }
+    }
+}
+
+impl Overlap {
+    /// Whether they overlap, and are not only close.
+    pub fn is_overlap(&self) -> bool {
+        self.depth > 0.0 || self.n_crossings > 0
     }
 }
 
@@ -40,11 +61,12 @@ impl Contact {
             let (a, b) = (all.surface(near.point), all.surface(all.triangles[near.triangle as usize][0]));
             let names = [a.min(b), a.max(b)].map(|s| all.list[s].name.clone());
             let place = p[near.point as usize].into();
-            let new = Overlap { names, depth: 0.0, place, n_points: 0 };
+            let new = Overlap { names, depth: 0.0, gap: f64::INFINITY, place, n_points: 0, n_crossings: 0 };
             let overlap = pairs.entry([a.min(b), a.max(b)]).or_insert(new);
             overlap.n_points += 1;
-            if -near.gap > overlap.depth {
-                (overlap.depth, overlap.place) = (-near.gap, place);
+            if near.gap < overlap.gap {
+                (overlap.gap, overlap.place) = (near.gap, place);
+                overlap.depth = (-near.gap).max(0.0);
             }
         }
         for [e, t] in self.crossings(&p) {
@@ -52,8 +74,11 @@ impl Contact {
             let end = all.edges[e as usize].points[0];
             let (a, b) = (all.surface(end), all.surface(all.triangles[t as usize][0]));
             let names = [a.min(b), a.max(b)].map(|s| all.list[s].name.clone());
-            let new = Overlap { names, depth: 0.0, place: p[end as usize].into(), n_points: 0 };
-            pairs.entry([a.min(b), a.max(b)]).or_insert(new).n_points += 1;
+            let place = p[end as usize].into();
+            let new = Overlap { names, depth: 0.0, gap: f64::INFINITY, place, n_points: 0, n_crossings: 0 };
+            let overlap = pairs.entry([a.min(b), a.max(b)]).or_insert(new);
+            overlap.n_points += 1;
+            overlap.n_crossings += 1;
         }
         pairs.into_values().collect()
     }

@@ -162,6 +162,10 @@ pub trait Effect: Send + Sync {
     fn membrane_state(&self, _s: &State, _group: usize) -> Option<MembraneState> {
         None
     }
+    /// Least det F over the quadrature points of a group; `None` where the effect has no volume.
+    fn group_det_f(&self, _s: &State, _group: usize) -> Option<f64> {
+        None
+    }
     /// Least det F over the quadrature points and the group where it is; `None` where the effect has no volume.
     fn least_det_f(&self, _s: &State) -> Option<(f64, usize)> {
         None

@@ -80,6 +80,13 @@ impl<F: LawField, const N: usize, const G: usize> Solid<F, N, G> {
         if self.scale.is_empty() { 1.0 } else { self.scale[cell] }
     }
 
+    /// Least det F of an element; not a number where its positions are not.
+    fn det_f(&self, s: &State, cell: usize) -> f64 {
+        let x = self.positions(cell, s);
+        let det = |g| self.elements[cell].deformation_gradient(g, &x).determinant();
+        (0..G).map(det).fold(f64::INFINITY, f64::min)
+    }
+
     #[inline(always)]
     fn positions(&self, cell: usize, s: &State) -> [[f64; 3]; N] {
         self.groups.nodes(cell).map(|n| point(s.x, n))
@@ -130,16 +137,13 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         Some(SolidState { volume: element.volume, volume_ratio: element.dilatation(&x), cauchy, fibre })
     }
 
+    fn group_det_f(&self, s: &State, group: usize) -> Option<f64> {
+        Some(self.det_f(s, group))
+    }
+
     fn least_det_f(&self, s: &State) -> Option<(f64, usize)> {
-        let least: Vec<f64> = (0..self.elements.len())
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|c| {
-                let x = self.positions(c, s);
-                let det = |g| self.elements[c].deformation_gradient(g, &x).determinant();
-                (0..G).map(det).fold(f64::INFINITY, f64::min)
-            })
-            .collect();
+        let least: Vec<f64> =
+            (0..self.elements.len()).into_par_iter().with_min_len(CHUNK).map(|c| self.det_f(s, c)).collect();
         let mut worst = None;
         for (c, &d) in least.iter().enumerate() {
             if worst.is_none_or(|(w, _)| d < w || d.is_nan()) {

@@ -4,7 +4,7 @@
 //! Lengths in m.
 
 use std::collections::HashMap;
-use std::f64::consts::{FRAC_PI_4, SQRT_2};
+use std::f64::consts::{FRAC_PI_4, SQRT_2, TAU};
 
 use super::topology::face_key;
 use super::{CellBlock, CellKind, Mesh, unique_nodes};
@@ -111,6 +111,21 @@ pub fn cylinder(radius: f64, length: f64, n_core: usize, n_ring: usize, n_long: 
     name_boundary(&mut mesh, "z_min", |p| p[2] == 0.0);
     name_boundary(&mut mesh, "z_max", |p| p[2] == length);
     name_boundary(&mut mesh, "side", |p| p[0].hypot(p[1]) > radius * (1.0 - 1e-9));
+    mesh
+}
+
+/// A tube about z from z = 0 to `length`, `n_around` cells around, `n_wall` through the wall, `n_long` along. Sets and surfaces `inner`,
+/// `outer`, `z_min`, `z_max`. Lengths in m.
+pub fn tube(inner: f64, outer: f64, length: f64, n_around: usize, n_wall: usize, n_long: usize) -> Mesh {
+    let wall = moved(grid([n_wall, n_around, n_long]), |[s, t, w]| {
+        let (r, angle) = (inner + s * (outer - inner), TAU * t);
+        [r * angle.cos(), r * angle.sin(), length * w]
+    });
+    let mut mesh = merged(std::iter::once(wall), outer);
+    name_boundary(&mut mesh, "inner", |p| p[0].hypot(p[1]) < inner * (1.0 + 1e-9));
+    name_boundary(&mut mesh, "outer", |p| p[0].hypot(p[1]) > outer * (1.0 - 1e-9));
+    name_boundary(&mut mesh, "z_min", |p| p[2] == 0.0);
+    name_boundary(&mut mesh, "z_max", |p| p[2] == length);
     mesh
 }
 

@@ -13,7 +13,7 @@ mod topology;
 
 pub use error::{MeshError, Place};
 pub use format::LengthUnit;
-pub use topology::unique_nodes;
+pub use topology::{edge_counts, unique_nodes};
 
 /// Shape of a cell. Node order follows VTK (which FEBio, Abaqus and Gmsh share for these linear cells;
 /// tet10 of Gmsh swaps its last two nodes).

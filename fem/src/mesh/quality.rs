@@ -59,23 +59,25 @@ impl Mesh {
     }
 }
 
+/// A corner of each cell with the ends of the edges that leave it, right-handed.
+const HEX_CORNERS: [[usize; 4]; 8] = [
+    [0, 1, 3, 4],
+    [1, 2, 0, 5],
+    [2, 3, 1, 6],
+    [3, 0, 2, 7],
+    [4, 7, 5, 0],
+    [5, 4, 6, 1],
+    [6, 5, 7, 2],
+    [7, 6, 4, 3],
+];
+const TET_CORNERS: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [3, 0, 2, 1]];
+const WEDGE_CORNERS: [[usize; 4]; 6] =
+    [[0, 1, 2, 3], [1, 2, 0, 4], [2, 0, 1, 5], [3, 5, 4, 0], [4, 3, 5, 1], [5, 4, 3, 2]];
+
 /// Least over the corners of det(e₁, e₂, e₃) / (|e₁||e₂||e₃|), e the edges that leave the corner; for tetrahedra times √2
 /// (from their corner nodes) and for wedges times 2/√3, so that the regular ones have 1 (Knupp et al., The Verdict Library,
 /// 2006, §5.8, §6.14 and ch. 8, with the edges of each corner in place of the largest product). `X`: nodes of a solid cell \[m\].
 pub fn scaled_jacobian(kind: CellKind, X: &[Vector3<f64>]) -> f64 {
-    const HEX_CORNERS: [[usize; 4]; 8] = [
-        [0, 1, 3, 4],
-        [1, 2, 0, 5],
-        [2, 3, 1, 6],
-        [3, 0, 2, 7],
-        [4, 7, 5, 0],
-        [5, 4, 6, 1],
-        [6, 5, 7, 2],
-        [7, 6, 4, 3],
-    ];
-    const TET_CORNERS: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [3, 0, 2, 1]];
-    const WEDGE_CORNERS: [[usize; 4]; 6] =
-        [[0, 1, 2, 3], [1, 2, 0, 4], [2, 0, 1, 5], [3, 5, 4, 0], [4, 3, 5, 1], [5, 4, 3, 2]];
     let (corners, scale): (&[[usize; 4]], f64) = match kind {
         CellKind::Hex8 => (&HEX_CORNERS, 1.0),
         CellKind::Wedge6 => (&WEDGE_CORNERS, 2.0 / 3f64.sqrt()),
@@ -89,6 +91,25 @@ pub fn scaled_jacobian(kind: CellKind, X: &[Vector3<f64>]) -> f64 {
         least = least.min(if lengths > 0.0 { scale * det / lengths } else { 0.0 });
     }
     least
+}
+
+/// Determinants of the map from the parent cell \[m³\] at the corners of a solid cell.
+pub fn corner_dets(kind: CellKind, X: &[Vector3<f64>]) -> Vec<f64> {
+    let of_edges = |corners: &[[usize; 4]]| {
+        let det = |&[o, a, b, c]: &[usize; 4]| {
+            Matrix3::from_columns(&[X[a] - X[o], X[b] - X[o], X[c] - X[o]]).determinant()
+        };
+        corners.iter().map(det).collect()
+    };
+    match kind {
+        CellKind::Hex8 => of_edges(&HEX_CORNERS),
+        CellKind::Wedge6 => of_edges(&WEDGE_CORNERS),
+        CellKind::Tet10 => {
+            let corner = |i: usize| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
+            (0..4).map(|i| tet10_map(X, corner(i)).determinant()).collect()
+        }
+        _ => of_edges(&TET_CORNERS),
+    }
 }
 
 /// Determinant of the map from the parent cell and quadrature weight at each Gauss point of a solid cell.

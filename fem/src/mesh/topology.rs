@@ -1,6 +1,7 @@
 //! Faces, surfaces and node sets: what follows from connectivity alone.
 
 use super::{CellBlock, CellKind, Mesh, MeshError};
+use std::collections::BTreeMap;
 
 /// Faces of a hexahedron, outward; order of the Abaqus labels S1 to S6.
 const HEX_FACES: [[usize; 4]; 6] =
@@ -177,6 +178,18 @@ pub fn unique_nodes(nodes: impl IntoIterator<Item = u32>) -> Vec<u32> {
     set.sort_unstable();
     set.dedup();
     set
+}
+
+/// Edges of a surface, the lower node first, with the numbers of faces that pass it from that node on and back again: one each
+/// inside a surface of one orientation, one in all on its rim.
+pub fn edge_counts(faces: &[[u32; 4]]) -> BTreeMap<[u32; 2], [u32; 2]> {
+    let mut edges = BTreeMap::<[u32; 2], [u32; 2]>::new();
+    for f in faces {
+        for (a, b) in (0..4).map(|k| (f[k], f[(k + 1) % 4])).filter(|(a, b)| a != b) {
+            edges.entry([a.min(b), a.max(b)]).or_default()[usize::from(a > b)] += 1;
+        }
+    }
+    edges
 }
 
 /// A face as a key that does not depend on where it starts or which way it turns. Triangles end with `u32::MAX`.

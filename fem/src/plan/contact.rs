@@ -6,7 +6,7 @@ use super::{Motion, SceneError};
 use crate::contact::surface::SurfaceInput;
 use crate::contact::{Contact, ContactInput, Mode, Overlap};
 use crate::mesh::quality::gauss_dets;
-use crate::mesh::{Mesh, unique_nodes};
+use crate::mesh::{Mesh, edge_counts, unique_nodes};
 use crate::scene::{ContactMode, ContactSpec, LawSpec, Scene};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -56,6 +56,8 @@ pub struct ContactSurface {
     body: Option<Motion>,
     stiffness: f64,
     edge: f64,
+    /// Edges of its rim; empty where it is closed.
+    pub rim: Vec<[u32; 2]>,
 }
 
 /// Resolves the contact of a scene.
@@ -145,6 +147,7 @@ fn surface(
     let nodes = unique_nodes(faces.iter().flatten().copied());
     let user = format!("contact surface `{name}`");
     check(&user, "number of faces", faces.len() as f64, !faces.is_empty(), "positive")?;
+    let rim = rim(&user, &faces)?;
     let moves =
         |n: &&u32| motion[**n as usize].iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_)));
     let deforms = nodes.iter().any(|n| moves(&n));
@@ -176,7 +179,22 @@ fn surface(
         .map(|[a, b]| length(a, b))
         .collect();
     let edge = lengths.iter().sum::<f64>() / lengths.len() as f64;
-    Ok(ContactSurface { name: name.to_string(), faces, nodes, deforms, body, stiffness, edge })
+    Ok(ContactSurface { name: name.to_string(), faces, nodes, deforms, body, stiffness, edge, rim })
+}
+
+/// Edges that belong to one face only. Refuses surfaces that branch or whose faces turn opposite ways: they have no inside.
+fn rim(user: &str, faces: &[[u32; 4]]) -> Result<Vec<[u32; 2]>, SceneError> {
+    let mut rim = Vec::new();
+    for (nodes, counts) in edge_counts(faces) {
+        let user = || user.to_string();
+        match counts {
+            [1, 1] => {}
+            [1, 0] | [0, 1] => rim.push(nodes),
+            [2, 0] | [0, 2] => return Err(SceneError::Orientation { user: user(), nodes }),
+            [a, b] => return Err(SceneError::Branching { user: user(), nodes, n_faces: a + b }),
+        }
+    }
+    Ok(rim)
 }
 
 /// Young's modulus \[Pa\] at small strain, along no fibre.
@@ -245,8 +263,12 @@ impl ContactPlan {
             return Ok(Repair::default());
         }
         let allowed = self.repair.max(1e-6 * self.distance);
+        let refused = |overlaps: Vec<Overlap>| match overlaps.iter().any(Overlap::is_overlap) {
+            true => SceneError::Overlap { overlaps, allowed: self.repair },
+            false => SceneError::TooClose { pairs: overlaps, gap, distance: self.distance },
+        };
         if overlaps.iter().any(|o| o.depth > allowed) {
-            return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+            return Err(refused(overlaps));
         }
         // Nodes that are prescribed stay where they are; on a roller they may slide.
         let moves = |n: u32| motion[n as usize].iter().any(|m| matches!(m, Motion::Free));
@@ -268,7 +290,7 @@ impl ContactPlan {
                 Err(stuck) => stuck,
             };
             if self.repair == 0.0 || tries == MAX_TRIES || stuck.is_empty() {
-                return Err(SceneError::Overlap { overlaps, allowed: self.repair });
+                return Err(refused(overlaps));
             }
             self.ignored.extend(stuck);
             tries += 1;

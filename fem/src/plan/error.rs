@@ -135,13 +135,29 @@ pub enum SceneError {
     },
     /// A pressure whose force would not be that of a pressure.
     #[error(
-        "{user}: the rim of the surface moves freely at node {node}; close the surface, hold its rim or put the rim on rollers in planes through `origin`"
+        "{user}: the rim of the surface {how} at the edge between nodes {} and {}, where pressure on an open surface has no potential; \
+         close the surface there, hold its rim, or let the rim of each opening slide in the plane of that opening",
+        nodes[0], nodes[1]
     )]
     OpenRim {
         /// Which part of the scene.
         user: String,
-        /// A node of the rim.
-        node: u32,
+        /// The edge of the rim.
+        nodes: [u32; 2],
+        /// How it leaves the plane of the opening.
+        how: &'static str,
+    },
+    /// A surface whose faces do not all look to the same side.
+    #[error(
+        "{user}: the faces beside the edge between nodes {} and {} turn opposite ways; order their nodes so that all normals point out of \
+         the solid",
+        nodes[0], nodes[1]
+    )]
+    Orientation {
+        /// Which part of the scene.
+        user: String,
+        /// The edge.
+        nodes: [u32; 2],
     },
     /// Surfaces overlap in the mesh.
     #[error(
@@ -154,6 +170,43 @@ pub enum SceneError {
         /// Depth \[m\] that would have been mended.
         allowed: f64,
     },
+    /// Surfaces that count as touching, as they are so close, and cannot be moved apart.
+    #[error(
+        "contact: surfaces closer than {:.3} mm, a tenth of the contact distance, count as touching and are moved apart by that, which is \
+         not possible here: {}; lower `distance` ({:.3} mm now) to ten times the gap or less, or exclude the pairs",
+        gap * 1e3, pairs.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "), distance * 1e3
+    )]
+    TooClose {
+        /// Pairs with their gaps.
+        pairs: Vec<crate::contact::Overlap>,
+        /// Gap \[m\] below which surfaces are moved apart.
+        gap: f64,
+        /// The contact distance \[m\].
+        distance: f64,
+    },
+    /// A contact surface that branches.
+    #[error(
+        "{user}: {} faces meet at the edge between nodes {} and {}, so that there is no inside; split the surface or mend it",
+        n_faces, nodes[0], nodes[1]
+    )]
+    Branching {
+        /// Which part of the scene.
+        user: String,
+        /// The edge.
+        nodes: [u32; 2],
+        /// Number of faces that have it.
+        n_faces: u32,
+    },
+    /// A set without nodes.
+    #[error(
+        "{user} names the node set `{name}`, which is empty; name nodes in it, or leave it out of the scene"
+    )]
+    EmptySet {
+        /// Which part of the scene.
+        user: String,
+        /// The set.
+        name: String,
+    },
     /// A contact surface with a node that nothing holds.
     #[error(
         "{user}: node {node} belongs to no solid and is not prescribed; tie the surface to a body or hold it"
@@ -164,9 +217,55 @@ pub enum SceneError {
         /// The node.
         node: u32,
     },
+    /// More than one mistake.
+    #[error("{} mistakes:\n- {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n- "))]
+    Several(Vec<SceneError>),
     /// Nothing to simulate.
     #[error("the scene has no solids, fibres, membranes or strands; nothing can deform")]
     Empty,
+}
+
+/// Mistakes as they are found, so that all are named at once.
+#[derive(Default)]
+pub(crate) struct Mistakes(Vec<SceneError>);
+
+impl Mistakes {
+    /// Adds a mistake, but not what was said before: parts of a plan share names of the scene.
+    pub fn add(&mut self, mistake: SceneError) {
+        let all = match mistake {
+            SceneError::Several(all) => all,
+            one => vec![one],
+        };
+        for one in all {
+            let says = one.to_string();
+            if self.0.iter().all(|old| old.to_string() != says) {
+                self.0.push(one);
+            }
+        }
+    }
+
+    /// The value; where there is none its mistake is added.
+    pub fn keep<T>(&mut self, result: Result<T, SceneError>) -> Option<T> {
+        result.map_err(|mistake| self.add(mistake)).ok()
+    }
+
+    /// Whether none was found.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The only mistake, or [`SceneError::Several`].
+    pub fn into_error(mut self) -> SceneError {
+        match self.0.len() {
+            1 => self.0.remove(0),
+            _ => SceneError::Several(self.0),
+        }
+    }
+
+    /// An error where any mistake was found.
+    pub fn end(self) -> Result<(), SceneError> {
+        if self.is_empty() { Ok(()) } else { Err(self.into_error()) }
+    }
 }
 
 /// The three names most like `name`, quoted.

@@ -19,12 +19,6 @@ pub struct Inertia {
 /// The inertia of a scene; `None` where it does not call for it.
 pub fn inertia(scene: &Scene, mesh: &Mesh) -> Result<Option<Inertia>, SceneError> {
     let Some(InertiaSpec { velocities: given }) = &scene.inertia else { return Ok(None) };
-    let mut masses = vec![0.0; mesh.points.len()];
-    for spec in &scene.solids {
-        for (node, mass) in solids::masses(spec, mesh)? {
-            masses[node as usize] += mass;
-        }
-    }
     let mut velocities = vec![0.0; 3 * mesh.points.len()];
     for spec in given {
         let user = format!("velocity of `{}`", spec.region);
@@ -39,6 +33,12 @@ pub fn inertia(scene: &Scene, mesh: &Mesh) -> Result<Option<Inertia>, SceneError
         })?;
         for &n in &block.nodes {
             velocities[3 * n as usize..3 * n as usize + 3].copy_from_slice(&spec.velocity);
+        }
+    }
+    let mut masses = vec![0.0; mesh.points.len()];
+    for spec in &scene.solids {
+        for (node, mass) in solids::masses(spec, mesh)? {
+            masses[node as usize] += mass;
         }
     }
     Ok(Some(Inertia { masses, velocities }))

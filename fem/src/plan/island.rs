@@ -264,6 +264,26 @@ impl Island {
         }
     }
 
+    /// The worst of the cells that `load` turns inside out because all their nodes are prescribed: its det F, and which it is. The solver
+    /// never sees them move.
+    pub fn folded(&self, load: &Load) -> Option<(f64, String)> {
+        let mut x = self.X.clone();
+        self.prescribe(load, &mut x);
+        let s = State { x: &x, controls: &load.controls };
+        let prescribed = |group: &[u32]| group.iter().all(|&n| n == NO_NODE || self.free_index(n).is_none());
+        let mut worst = None;
+        for (effect, cells) in self.effects.iter().zip(&self.cells) {
+            let groups = effect.nodes().chunks_exact(effect.nodes_per_group()).enumerate();
+            for (g, _) in groups.filter(|(_, group)| prescribed(group)) {
+                let Some(det) = effect.group_det_f(&s, g) else { break };
+                if !(det > 0.0) && worst.as_ref().is_none_or(|(w, _)| det < *w) {
+                    worst = Some((det, format!("element {} in `{}`", cells[g], effect.name())));
+                }
+            }
+        }
+        worst
+    }
+
     /// Moves followers in `x` \[m\] to where their masters want them.
     fn follow(&self, x: &mut [f64]) {
         for &n in &self.free_nodes {

@@ -11,22 +11,25 @@ mod inertia;
 mod island;
 mod lines;
 mod motion;
+mod rim;
 mod solids;
 mod surfaces;
 mod term;
+mod warning;
 
 pub use contact::Repair;
 pub use error::SceneError;
 pub use inertia::Inertia;
 pub use island::{Island, Load, LoadedIsland, Motion};
 pub use solids::Weights;
+pub use warning::Warning;
 
 use crate::effect::{DeadLoad, Effect, NO_NODE};
 use crate::mesh::Mesh;
-use crate::scene::{Course, Scene};
+use crate::scene::{Course, ForceSpec, Scene};
 use contact::ContactPlan;
 use embed::Embedding;
-use error::nearest;
+use error::{Mistakes, nearest};
 use std::path::Path;
 use std::sync::Arc;
 use term::{Names, Term};
@@ -55,25 +58,37 @@ pub struct Plan {
     pub strands: std::collections::BTreeSet<String>,
     /// Kinds of effects that the scene does not call for.
     pub absent: Vec<&'static str>,
+    /// What was accepted and is probably a mistake; each is also a warning of `tracing`.
+    pub warnings: Vec<Warning>,
 }
 
 impl Plan {
-    /// Compiles a scene over a mesh \[m\].
+    /// Compiles a scene over a mesh \[m\]. Of every part of the scene the first mistake is named, all in one error.
     pub fn new(scene: &Scene, mut mesh: Mesh) -> Result<Plan, SceneError> {
         mesh.check()?;
+        let mut warnings = warning::of_mesh(scene, &mesh);
+        let mut mistakes = Mistakes::default();
+        // Numbered anew below: here it only matters what is prescribed.
+        let motion = mistakes.keep(motion::motions(scene, &mesh, &mut Names::default()));
+        let contact = motion.as_ref().and_then(|m| mistakes.keep(contact(scene, &mut mesh, m)));
         let mut names = Names::default();
-        let (contact, repair) = contact(scene, &mut mesh)?;
-        let weights = weights(scene, &mesh, &mut names)?;
-        let terms = terms(scene, &mesh, &weights, &mut names)?;
-        let inertia = inertia::inertia(scene, &mesh)?;
-        let motion = motion::motions(scene, &mesh, &mut names)?;
-        surfaces::check_rims(scene, &mesh, &motion)?;
+        let weights = weights(scene, &mesh, &mut names, &mut mistakes);
+        let terms = terms(scene, &mesh, motion.as_deref(), &weights, &mut names, &mut mistakes);
+        let inertia = mistakes.keep(inertia::inertia(scene, &mesh));
+        let motion = mistakes.keep(motion::motions(scene, &mesh, &mut names));
+        let (Some((contact, repair)), Some(inertia), Some(motion), true) =
+            (contact, inertia, motion, mistakes.is_empty())
+        else {
+            return Err(mistakes.into_error());
+        };
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
         let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
         let absent = absent(scene);
         let strands = scene.strands.iter().map(|s| s.region.clone()).collect();
+        warnings.extend(contact.iter().flat_map(|c| &c.surfaces).filter_map(warning::of_surface));
+        warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         Ok(Plan {
             strands,
             mesh,
@@ -86,6 +101,7 @@ impl Plan {
             effects,
             repair,
             absent,
+            warnings,
         })
     }
 
@@ -114,15 +130,47 @@ impl Plan {
             controls: vec![0.0; self.controls.len()],
             poses: vec![Default::default(); self.bodies.len()],
         };
+        let mut mistakes = Mistakes::default();
         for (name, value) in controls {
-            let at = find(&self.controls, name, "control")?;
-            term::check("drive", &format!("control `{name}`"), *value, true, "a finite number")?;
-            load.controls[at] = *value;
+            if let Some(at) = mistakes.keep(find(&self.controls, name, "control")) {
+                load.controls[at] = *value;
+            }
         }
         for (name, pose) in poses {
-            load.poses[find(&self.bodies, name, "body")?] = *pose;
+            if let Some(at) = mistakes.keep(find(&self.bodies, name, "body")) {
+                load.poses[at] = *pose;
+            }
         }
-        Ok(load)
+        mistakes.keep(self.check_load(&load));
+        mistakes.end().map(|()| load)
+    }
+
+    /// Refuses a load that is not of this plan: as many controls and poses as the plan has, all finite, and rotations that only turn.
+    pub fn check_load(&self, load: &Load) -> Result<(), SceneError> {
+        let counts = [
+            ("controls", load.controls.len(), self.controls.len()),
+            ("poses", load.poses.len(), self.bodies.len()),
+        ];
+        for (quantity, found, n) in counts.into_iter().filter(|(_, found, n)| found != n) {
+            let needed = format!("one per name of the plan: {n}");
+            return Err(SceneError::Count { user: "drive".to_string(), quantity, found, needed });
+        }
+        let mut mistakes = Mistakes::default();
+        for (name, value) in self.controls.iter().zip(&load.controls) {
+            let what = format!("control `{name}`");
+            mistakes.keep(term::check("drive", &what, *value, true, "a finite number"));
+        }
+        for (name, pose) in self.bodies.iter().zip(&load.poses) {
+            let user = format!("drive, pose of body `{name}`");
+            for (axis, value) in ["x", "y", "z"].iter().zip(&pose.translation.vector) {
+                let what = format!("translation along {axis} [m]");
+                mistakes.keep(term::check(&user, &what, *value, true, "a finite number"));
+            }
+            let norm = pose.rotation.norm();
+            let is_unit = (norm - 1.0).abs() < UNIT;
+            mistakes.keep(term::check(&user, "length of the rotation's quaternion", norm, is_unit, "1"));
+        }
+        mistakes.end()
     }
 
     /// Number of unknowns of all islands.
@@ -135,6 +183,9 @@ impl Plan {
         self.mesh.points.as_flattened().to_vec()
     }
 }
+
+/// How far from 1 the length of a rotation's quaternion may be: single precision is enough.
+const UNIT: f64 = 1e-6;
 
 fn find(list: &[String], name: &str, what: &'static str) -> Result<usize, SceneError> {
     list.iter().position(|n| n == name).ok_or_else(|| SceneError::Unknown {
@@ -163,52 +214,59 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
 }
 
 /// Contact of a scene, and what had to be changed in the mesh for it.
-fn contact(scene: &Scene, mesh: &mut Mesh) -> Result<(Option<ContactPlan>, Repair), SceneError> {
-    if scene.contact.is_none() {
-        return Ok((None, Repair::default()));
-    }
-    // Numbered anew: which control moves what does not matter here.
-    let motion = motion::motions(scene, mesh, &mut Names::default())?;
-    let mut contact = contact::contact(scene, mesh, &motion)?;
-    let repair = contact.as_mut().map(|c| c.mend(mesh, &motion)).transpose()?.unwrap_or_default();
+fn contact(
+    scene: &Scene,
+    mesh: &mut Mesh,
+    motion: &[[Motion; 3]],
+) -> Result<(Option<ContactPlan>, Repair), SceneError> {
+    let mut contact = contact::contact(scene, mesh, motion)?;
+    let repair = contact.as_mut().map(|c| c.mend(mesh, motion)).transpose()?.unwrap_or_default();
     Ok((contact, repair))
 }
 
 /// Weights of all solids; none without gravity.
-fn weights(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<Weights>, SceneError> {
-    let Some(gravity) = &scene.gravity else { return Ok(Vec::new()) };
+fn weights(scene: &Scene, mesh: &Mesh, names: &mut Names, mistakes: &mut Mistakes) -> Vec<Weights> {
+    let Some(gravity) = &scene.gravity else { return Vec::new() };
     let control = names.control(&gravity.control);
-    scene.solids.iter().map(|spec| solids::weights(spec, mesh, gravity.acceleration, control)).collect()
+    for (axis, a) in ["x", "y", "z"].iter().zip(gravity.acceleration) {
+        let what = format!("acceleration along {axis} [m/s^2]");
+        mistakes.keep(term::check("gravity", &what, a, true, "a finite number"));
+    }
+    let of = |spec| mistakes.keep(solids::weights(spec, mesh, gravity.acceleration, control));
+    scene.solids.iter().filter_map(of).collect()
 }
 
 fn terms(
     scene: &Scene,
     mesh: &Mesh,
+    motion: Option<&[[Motion; 3]]>,
     weights: &[Weights],
     names: &mut Names,
-) -> Result<Vec<Term>, SceneError> {
+    mistakes: &mut Mistakes,
+) -> Vec<Term> {
     let mut terms = Vec::new();
     for spec in &scene.solids {
-        terms.push(solids::term(spec, mesh, names)?);
+        terms.extend(mistakes.keep(solids::term(spec, mesh, names)));
     }
     let embedded = scene.fibres.iter().any(|f| matches!(f.course, Course::Embedded(_)));
     let regions: Vec<&str> =
         if embedded { scene.solids.iter().map(|s| s.region.as_str()).collect() } else { vec![] };
     let embedding = Embedding::new(mesh, &regions);
     for spec in &scene.fibres {
-        terms.push(lines::fibres(spec, mesh, &embedding, names)?);
+        terms.extend(mistakes.keep(lines::fibres(spec, mesh, &embedding, names)));
     }
     for spec in &scene.membranes {
-        terms.push(surfaces::membrane(spec, mesh)?);
+        terms.extend(mistakes.keep(surfaces::membrane(spec, mesh)));
     }
     for spec in &scene.strands {
-        terms.push(lines::strands(spec, mesh)?);
+        terms.extend(mistakes.keep(lines::strands(spec, mesh)));
     }
-    if terms.is_empty() {
-        return Err(SceneError::Empty);
+    let n_deformable = scene.solids.len() + scene.fibres.len() + scene.membranes.len() + scene.strands.len();
+    if n_deformable == 0 {
+        mistakes.add(SceneError::Empty);
     }
     for spec in &scene.pressures {
-        terms.push(surfaces::pressure(spec, mesh, names)?);
+        terms.extend(mistakes.keep(surfaces::pressure(spec, mesh, motion, names)));
     }
     if let Some(first) = weights.first() {
         let mut loads = vec![[0.0; 3]; mesh.points.len()];
@@ -221,20 +279,27 @@ fn terms(
         terms.push(dead_load("gravity", first.control, loads));
     }
     for spec in &scene.forces {
-        for (node, force) in &spec.loads {
-            let user = format!("force `{}`", spec.name);
-            let n = mesh.points.len();
-            term::check(&user, "node", f64::from(*node), (*node as usize) < n, "a node of the mesh")?;
-            force.iter().try_for_each(|f| term::check(&user, "force [N]", *f, true, "a finite number"))?;
+        let control = names.control(&spec.control);
+        if mistakes.keep(check_forces(spec, mesh)).is_some() {
+            terms.push(dead_load(&spec.name, control, spec.loads.clone()));
         }
-        terms.push(dead_load(&spec.name, names.control(&spec.control), spec.loads.clone()));
     }
     for (i, t) in terms.iter().enumerate() {
         if terms[..i].iter().any(|o| o.name == t.name) {
-            return Err(SceneError::Twice { what: "effect", name: t.name.clone() });
+            mistakes.add(SceneError::Twice { what: "effect", name: t.name.clone() });
         }
     }
-    Ok(terms)
+    terms
+}
+
+/// Refuses forces on nodes that the mesh lacks, and what is not a number.
+fn check_forces(spec: &ForceSpec, mesh: &Mesh) -> Result<(), SceneError> {
+    let (user, n) = (format!("force `{}`", spec.name), mesh.points.len());
+    for (node, force) in &spec.loads {
+        term::check(&user, "node", f64::from(*node), (*node as usize) < n, "a node of the mesh")?;
+        force.iter().try_for_each(|f| term::check(&user, "force [N]", *f, true, "a finite number"))?;
+    }
+    Ok(())
 }
 
 fn dead_load(name: &str, control: usize, loads: Vec<(u32, [f64; 3])>) -> Term {

@@ -1,14 +1,14 @@
 //! Membranes and pressures of a scene as terms.
 
 use super::error::nearest;
+use super::rim::rim;
 use super::term::{Builder, Names, Term, cells_of, check};
 use super::{Motion, SceneError};
 use crate::effect::{Effect, Membrane, Pressure};
 use crate::element::{Rule, shape};
 use crate::material::membrane::MembraneLaw;
 use crate::mesh::{CellKind, Mesh};
-use crate::scene::{MembraneLawSpec, MembraneSpec, PressureSpec, Scene};
-use std::collections::BTreeMap;
+use crate::scene::{MembraneLawSpec, MembraneSpec, PressureSpec};
 
 /// The term of a membrane region.
 pub fn membrane(spec: &MembraneSpec, mesh: &Mesh) -> Result<Term, SceneError> {
@@ -52,16 +52,28 @@ fn builder<const N: usize, const G: usize>(
     })
 }
 
-/// The term of a pressure.
-pub fn pressure(spec: &PressureSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, SceneError> {
-    let faces = faces_of(spec, mesh)?;
+/// The term of a pressure. `motion`: what the nodes do; absent where that is not known for mistakes in it, and then the plan fails anyway.
+pub fn pressure(
+    spec: &PressureSpec,
+    mesh: &Mesh,
+    motion: Option<&[[Motion; 3]]>,
+    names: &mut Names,
+) -> Result<Term, SceneError> {
     let control = names.control(&spec.control);
-    let origin = spec.origin;
-    let build: Builder = Box::new(move |name, points, nodes, _| {
-        let faces = nodes.as_chunks::<4>().0.to_vec();
-        Ok(Box::new(Pressure::new(name, control, origin, points, faces)) as Box<dyn Effect>)
-    });
+    let faces = faces_of(spec, mesh)?.to_vec();
+    let user = format!("pressure on `{}`", spec.surface);
+    for o in spec.origin.iter().flatten() {
+        check(&user, "origin [m]", *o, true, "a finite number")?;
+    }
+    check(&user, "number of faces", faces.len() as f64, !faces.is_empty(), "positive")?;
+    let rim = motion.map(|motion| rim(&user, &faces, mesh, motion)).transpose()?.unwrap_or_default();
     let nodes = faces.as_flattened().to_vec();
+    let build: Builder = Box::new(move |name, points, nodes, groups| {
+        let local = nodes.as_chunks::<4>().0.to_vec();
+        let pairs = groups.iter().zip(&local).flat_map(|(&g, local)| faces[g as usize].iter().zip(local));
+        let rim = pairs.filter_map(|(n, &local)| Some((local, *rim.get(n)?))).collect();
+        Ok(Box::new(Pressure::new(name, control, points, local, rim)) as Box<dyn Effect>)
+    });
     Ok(Term {
         name: format!("pressure on {}", spec.surface),
         nodes_per_group: 4,
@@ -78,27 +90,4 @@ fn faces_of<'a>(spec: &PressureSpec, mesh: &'a Mesh) -> Result<&'a [[u32; 4]], S
         name: spec.surface.clone(),
         nearest: nearest(&spec.surface, mesh.surfaces.keys().map(String::as_str)),
     })
-}
-
-/// Refuses pressures on open surfaces with a node on the rim that is free in all directions: there the gradient of the
-/// enclosed volume would not be the force of a pressure.
-pub fn check_rims(scene: &Scene, mesh: &Mesh, motion: &[[Motion; 3]]) -> Result<(), SceneError> {
-    for spec in &scene.pressures {
-        let mut edges = BTreeMap::<(u32, u32), i32>::new();
-        for f in faces_of(spec, mesh)? {
-            for k in 0..4 {
-                let (a, b) = (f[k], f[(k + 1) % 4]);
-                if a != b {
-                    *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
-                }
-            }
-        }
-        let rim = edges.iter().filter(|(_, sum)| **sum != 0).flat_map(|((a, b), _)| [*a, *b]);
-        for node in rim {
-            if motion[node as usize] == [Motion::Free; 3] {
-                return Err(SceneError::OpenRim { user: format!("pressure on `{}`", spec.surface), node });
-            }
-        }
-    }
-    Ok(())
 }

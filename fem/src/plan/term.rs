@@ -62,14 +62,18 @@ pub fn cells_of<'a>(mesh: &'a Mesh, name: &str, user: &str) -> Result<&'a CellBl
     })
 }
 
-/// A node set of the mesh.
+/// A node set of the mesh; refuses empty ones.
 pub fn set_of<'a>(mesh: &'a Mesh, name: &str, user: &str) -> Result<&'a [u32], SceneError> {
-    mesh.node_sets.get(name).map(Vec::as_slice).ok_or_else(|| SceneError::Unknown {
+    let nodes = mesh.node_sets.get(name).map(Vec::as_slice).ok_or_else(|| SceneError::Unknown {
         user: user.to_string(),
         what: "node set",
         name: name.to_string(),
         nearest: nearest(name, mesh.node_sets.keys().map(String::as_str)),
-    })
+    })?;
+    match nodes.is_empty() {
+        true => Err(SceneError::EmptySet { user: user.to_string(), name: name.to_string() }),
+        false => Ok(nodes),
+    }
 }
 
 /// Refuses a value that is not a number or not `good`.

@@ -108,6 +108,29 @@ pub enum SolveError {
         /// Its least det F.
         det_f: f64,
     },
+    /// What is prescribed turns an element inside out.
+    #[error(
+        "`{island}`, step {step}: all nodes of {place} are prescribed, and there it is turned inside out, det F = {det_f:.2e}; \
+         mend their displacements or the poses of their bodies"
+    )]
+    Folded {
+        /// Name of the island.
+        island: String,
+        /// Step of the run.
+        step: usize,
+        /// The worst element.
+        place: String,
+        /// Its least det F.
+        det_f: f64,
+    },
+    /// The load of a step is none of the plan, or not of finite numbers.
+    #[error("step {step}: {source}")]
+    Load {
+        /// Step of the run.
+        step: usize,
+        /// What is wrong with it.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// Parts of the mesh can move freely.
     #[error(
         "`{island}` is not supported, it moves without resistance: {}; prescribe nodes or tie it to something",

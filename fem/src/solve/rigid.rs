@@ -1,11 +1,14 @@
 //! Rigid motions that nothing resists: found and named before the first step.
 
 use super::{BlockMatrix, Pattern};
-use nalgebra::{DMatrix, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix6, RowVector6, Vector3};
 
-/// Sum over the nodes of (|K u| / stiffness of the node / displacement)² that counts as no resistance: a single node
-/// held by a ten-millionth of its own stiffness stands out, round-off does not.
+/// Sum over the nodes of (|K u| / stiffness of the node / displacement)² that counts as no resistance, where round-off explains it.
 const NO_RESISTANCE: f64 = 1e-13;
+/// Round-off in a row of K, relative to its largest entry: of the sums over neighbours and quadrature points, 64 units in the last place.
+/// More by the distance from the origin over the distance to the neighbours, whose coordinates are subtracted from each other. A body of
+/// K/G = 10⁸ held by faces in shear resists with 10⁻⁸ of the stiffness of its nodes.
+const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
 
 /// A part of the mesh that can move rigidly without any force.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +58,7 @@ fn components(pattern: &Pattern) -> Vec<Vec<usize>> {
     all
 }
 
-/// The rigid motions R of a part whose forces K R are small at every node against the stiffness of that node (not
+/// The rigid motions R of a part whose forces K R are round-off at every node against the stiffness of that node (not
 /// against the stiffest: tissue beside steel still supports), with a unit spring on every fixed unknown.
 fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Option<FreePart> {
     let at = |i: usize| Vector3::from_column_slice(&x[3 * i..3 * i + 3]);
@@ -66,10 +69,14 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
         0..3 => Vector3::ith(mode, 1.0),
         _ => Vector3::ith(mode - 3, 1.0).cross(&(at(i) - centre)) / radius,
     };
-    let mut resisted = Matrix6::<f64>::zeros();
+    let mut resistance = Triangle::default();
     let mut gram = Matrix6::<f64>::zeros();
+    let mut round_off = 0.0;
     for &i in nodes {
-        let u: Vec<Vector3<f64>> = (0..6).map(|m| motion(i, m)).collect();
+        let others = k.pattern().row(i).iter().map(|&j| j as usize).filter(|j| *j != i);
+        let nearest = others.map(|j| (at(j) - at(i)).norm()).fold(f64::INFINITY, f64::min);
+        round_off += (ROUND_OFF * (1.0 + at(i).norm() / nearest)).powi(2);
+        let u: [Vector3<f64>; 6] = std::array::from_fn(|m| motion(i, m));
         let mut force = [Vector3::zeros(); 6];
         for (&j, b) in k.pattern().row(i).iter().zip(k.row(i)) {
             let b = nalgebra::Matrix3::from_row_slice(b);
@@ -79,13 +86,15 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
         }
         let own = (0..3).map(|c| k.diagonal(3 * i + c)).fold(0.0, f64::max);
         let own = if own > 0.0 { own } else { 1.0 };
+        for c in 0..3 {
+            resistance.add(RowVector6::from_fn(|_, m| force[m][c] / own));
+            if fixed.get(3 * i + c) == Some(&true) {
+                resistance.add(RowVector6::from_fn(|_, m| u[m][c]));
+            }
+        }
         for m in 0..6 {
             for n in 0..6 {
-                resisted[(m, n)] += force[m].dot(&force[n]) / (own * own);
                 gram[(m, n)] += u[m].dot(&u[n]);
-                for c in (0..3).filter(|c| fixed.get(3 * i + c) == Some(&true)) {
-                    resisted[(m, n)] += u[m][c] * u[n][c];
-                }
             }
         }
     }
@@ -96,16 +105,51 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
     let basis = DMatrix::from_fn(6, moving.len(), |r, c| {
         gram.eigenvectors[(r, moving[c])] / (gram.eigenvalues[moving[c]] / nodes.len() as f64).sqrt()
     });
-    let resisted = basis.transpose() * (resisted + resisted.transpose()) * &basis / 2.0;
-    let eigen = resisted.symmetric_eigen();
-    let free: Vec<usize> = (0..moving.len())
-        .filter(|&e| eigen.eigenvalues[e] <= NO_RESISTANCE * eigen.eigenvalues.max().max(1.0))
-        .collect();
+    let resistance = resistance.finish() * &basis;
+    if resistance.iter().any(|r| !r.is_finite()) {
+        return None; // beyond what a number can hold: the solver says so
+    }
+    // Singular values, as their squares would drown in the round-off of the largest.
+    let svd = resistance.svd(false, true);
+    let directions = svd.v_t.expect("asked for").transpose();
+    let none = (NO_RESISTANCE.min(round_off)).sqrt() * svd.singular_values.max().max(1.0);
+    let free: Vec<usize> = (0..moving.len()).filter(|&e| svd.singular_values[e] <= none).collect();
     if free.is_empty() {
         return None;
     }
-    let space = basis * DMatrix::from_fn(moving.len(), free.len(), |r, c| eigen.eigenvectors[(r, free[c])]);
+    let space = basis * DMatrix::from_fn(moving.len(), free.len(), |r, c| directions[(r, free[c])]);
     Some(FreePart { node: nodes[0], n_nodes: nodes.len(), directions: name(space, centre) })
+}
+
+/// The triangle R of a QR factorization of a matrix of six columns, row by row.
+#[derive(Default)]
+struct Triangle {
+    rows: Vec<RowVector6<f64>>,
+}
+
+/// Rows that are kept before they are reduced to a triangle.
+const ROWS: usize = 256;
+
+impl Triangle {
+    fn add(&mut self, row: RowVector6<f64>) {
+        self.rows.push(row);
+        if self.rows.len() == ROWS {
+            self.reduce();
+        }
+    }
+
+    fn reduce(&mut self) {
+        let r =
+            DMatrix::from_fn(self.rows.len().max(6), 6, |i, j| self.rows.get(i).map_or(0.0, |row| row[j]))
+                .qr()
+                .r();
+        self.rows = (0..6).map(|i| RowVector6::from_fn(|_, j| r[(i, j)])).collect();
+    }
+
+    fn finish(mut self) -> DMatrix<f64> {
+        self.reduce();
+        DMatrix::from_fn(6, 6, |i, j| self.rows[i][j])
+    }
 }
 
 /// Names a basis of the space of free motions, brought to echelon form so that pure motions show as such.

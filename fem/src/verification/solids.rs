@@ -182,7 +182,7 @@ pub fn sphere(refined: bool) -> Result<Vec<Check>, VerificationError> {
     let (inner, outer) = (0.010, 0.015);
     let n = if refined { 12 } else { 8 };
     let mesh = generate::sphere_octant(inner, outer, n, n);
-    let pressure = PressureSpec { surface: "inner".into(), origin: [0.0; 3], control: "p".into() };
+    let pressure = PressureSpec { surface: "inner".into(), control: "p".into(), origin: None };
     let scene = Scene {
         solids: vec![matrix_block()],
         pressures: vec![pressure],
