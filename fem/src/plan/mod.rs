@@ -151,7 +151,7 @@ impl Plan {
             ("controls", load.controls.len(), self.controls.len()),
             ("poses", load.poses.len(), self.bodies.len()),
         ];
-        for (quantity, found, n) in counts.into_iter().filter(|(_, found, n)| found != n) {
+        if let Some((quantity, found, n)) = counts.into_iter().find(|(_, found, n)| found != n) {
             let needed = format!("one per name of the plan: {n}");
             return Err(SceneError::Count { user: "drive".to_string(), quantity, found, needed });
         }
