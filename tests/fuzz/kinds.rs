@@ -202,7 +202,7 @@ fn scene(_: &Path) -> Vec<Base> {
         ),
     ];
     let of = |(file, text): (&str, String)| {
-        let share = if file == "rigid.toml" { 0.2 } else { 0.01 };
+        let share = if file == "rigid.toml" { 0.05 } else { 0.002 };
         let commands = vec![command(&format!("check {file}"), 1.0), command(&format!("plan {file}"), share)];
         base(file, text.into_bytes(), true, commands)
     };

@@ -5,8 +5,9 @@
 
 use super::judge::judged_run;
 use crate::{Case, Outcome, Tier};
-use fem::plan::Plan;
+use fem::plan::{Plan, SceneError};
 use fem::run::{Drive, DriveFrame};
+use fem::solve::SolveError;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
@@ -107,20 +108,23 @@ fn range(text: &str) -> Option<Range<u64>> {
 }
 
 fn verdict(random: &RandomScene) -> Verdict {
+    let refused = |why: String| Verdict { ending: Ending::Refused(why), worst: 0.0, mistakes: Vec::new() };
     let plan = match Plan::new(&random.scene, random.mesh.clone()) {
         Ok(plan) => plan,
-        Err(why) => {
-            return Verdict { ending: Ending::Refused(why.to_string()), worst: 0.0, mistakes: Vec::new() };
-        }
+        Err(why) => return refused(why.to_string()),
     };
     let frame = |target: &Target| {
-        let load = plan.load(&target.controls, &target.poses).expect("finite values of known names");
-        DriveFrame { time: target.time, load }
+        let load = plan.load(&target.controls, &target.poses)?;
+        Ok(DriveFrame { time: target.time, load })
     };
-    let drive = Drive { frames: random.frames.iter().map(frame).collect() };
+    let drive = match random.frames.iter().map(frame).collect::<Result<_, SceneError>>() {
+        Ok(frames) => Drive { frames },
+        Err(why) => return refused(why.to_string()),
+    };
     let (run, judge) = judged_run(&random.scene, &plan, &drive, &random.settings);
     let ending = match run.errors.first() {
         None => Ending::Solved,
+        Some(error @ SolveError::Settings { .. }) => Ending::Refused(error.to_string()),
         Some(error) => Ending::NotConverged(error.to_string()),
     };
     Verdict { ending, worst: judge.worst, mistakes: judge.mistakes }
