@@ -6,15 +6,23 @@
 #![allow(non_snake_case)]
 
 use fem::effect::chain::{Chain, Chains};
-use fem::effect::{DeadLoad, Effect, Lines, Membrane, NO_NODE, Pressure, Solid, State};
+use fem::effect::{
+    Anchored, DeadLoad, Effect, Lines, Membrane, NO_NODE, PatchPressure, Pressure, Solid, State,
+};
 use fem::effect::{line::Segment, solid::Uniform};
 use fem::element::principal::lifted_tangent;
 use fem::element::{Formulation, shape};
 use fem::material::force_length::ForceLength;
 use fem::material::line::{FibreStrain, HillFibre, LineLaw, Strand, ThermalFibre};
 use fem::material::membrane::MembraneLaw;
+use fem::material::user::At;
 use fem::material::*;
 use support::{Random, taylor_order};
+
+#[path = "../fem/examples/land_beam/laws.rs"]
+mod example_laws;
+
+use example_laws::{Active, Guccione};
 
 /// The smaller order; not a number where either is none.
 fn least(a: f64, b: f64) -> f64 {
@@ -59,6 +67,9 @@ fn law<L: Material + 'static>(name: &'static str, law: L, inverted: bool) -> Law
 fn laws() -> Vec<Law> {
     let a0 = nalgebra::Vector3::new(0.6, 0.64, 0.48);
     let along = |law: Blemker| BlemkerFibre { law, a0 };
+    static FUNG: Guccione = Guccione { c: 2.0, bf: 8.0, bt: 2.0, bfs: 4.0, bulk: 1e2 };
+    static ACTIVE: Active<Guccione> = Active(FUNG);
+    let own = |law: &'static dyn SolidLaw| At { law, site: Site::new(0, a0, &[1], &[0.0, 30.0]) };
     vec![
         law("neo-Hookean", NeoHookean { mu: 7.5, lambda: 30.0 }, false),
         law("neo-Hookean, uncoupled", NeoHookeanUncoupled { mu: 7.5, bulk: 75.0 }, false),
@@ -69,6 +80,8 @@ fn laws() -> Vec<Law> {
         law("linear elastic", LinearElastic::from_young(20.0, 0.3), false),
         law("Blemker, passive", along(Blemker { bulk: 1e4, ..Blemker::muscle() }), false),
         law("Blemker, active", along(Blemker { bulk: 1e4, activation: 0.7, ..Blemker::muscle() }), false),
+        law("a user's: Guccione", own(&FUNG), false),
+        law("a user's: Guccione, active", own(&ACTIVE), false),
     ]
 }
 
@@ -218,6 +231,10 @@ fn effects(random: &mut Random) -> Vec<Sample> {
     let [a, b, c, d] = faces.pop().expect("six faces");
     faces.extend([[a, b, c, c], [c, d, a, a]]);
     let pressure = Pressure::new("p", 0, &X, faces, Default::default());
+    let patch = PatchPressure::new("p", 0, &X, &[[0, 1, 5, 4], [1, 2, 6, 6]]);
+    let anchor: Vec<f64> = X.as_flattened().iter().map(|x| 1.3 * x + 0.05 * random.uniform()).collect();
+    // Kept for good, since the table owns its effects.
+    let patch = Anchored { effect: Box::leak(Box::new(patch)), anchor: anchor.leak() };
     let thermal =
         |strain, toe| LineLaw::Thermal(ThermalFibre { stiffness: 3.0, contraction: 0.3, strain, toe });
     let lines = |law| Box::new(Lines::<8>::new("line", Some(0), &X, &[line(law)])) as Box<dyn Effect>;
@@ -233,6 +250,7 @@ fn effects(random: &mut Random) -> Vec<Sample> {
         ("membrane, St. Venant-Kirchhoff", membrane(svk), X.clone()),
         ("membrane, neo-Hookean", membrane(MembraneLaw::NeoHookean { mu: 3.0 }), X.clone()),
         ("follower pressure", Box::new(pressure), X.clone()),
+        ("patch pressure about its anchor", Box::new(patch), X.clone()),
         ("dead load", Box::new(DeadLoad::new("f", 0, &[(3, [0.3, -0.2, 0.5])])), X.clone()),
         ("thermal fibre, engineering", lines(thermal(FibreStrain::Engineering, None)), X.clone()),
         ("thermal fibre, logarithmic", lines(thermal(FibreStrain::Logarithmic, None)), X.clone()),
@@ -274,6 +292,44 @@ fn forces_and_stiffness_of_every_effect_are_derivatives() {
         assert!(worst_f > 1.9, "{name}: force is not ∂Π/∂x (order {worst_f:.2})");
         assert!(worst_K > 1.9, "{name}: stiffness is not ∂²Π/∂x² (order {worst_K:.2})");
     }
+}
+
+/// A patch with a free rim has no potential: its stiffness is the symmetric part of the derivative of its forces, and at the anchor its model
+/// has the true forces. Inside the patch, away from the rim, nothing unsymmetric is left.
+#[test]
+fn stiffness_of_a_patch_pressure_is_the_symmetric_part_of_its_derivative() {
+    let mut random = Random::new(11);
+    let X: Vec<[f64; 3]> = (0..9)
+        .map(|n| [f64::from(n % 3), f64::from(n / 3), 0.0].map(|x| x + 0.2 * random.uniform()))
+        .collect();
+    let faces = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]];
+    let patch = PatchPressure::new("p", 0, &X, &faces);
+    let (x, controls) = (X.as_flattened().to_vec(), [0.7]);
+    let forces = |x: &[f64]| dense(&patch, &State { x, controls: &controls }).0;
+    let (f, K) = dense(&patch, &State { x: &x, controls: &controls });
+    let model = Anchored { effect: &patch, anchor: &x };
+    assert_eq!(dense(&model, &State { x: &x, controls: &controls }).0, f, "true at the anchor");
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let moved = |d: &[f64], h: f64| -> Vec<f64> { x.iter().zip(d).map(|(x, d)| x + h * d).collect() };
+    let mut skew = 0.0_f64;
+    for _ in 0..20 {
+        let mut vector = || -> Vec<f64> { (0..27).map(|_| random.uniform()).collect() };
+        let (v, w) = (vector(), vector());
+        let Kv: Vec<f64> = (0..27).map(|r| dot(&K[27 * r..27 * (r + 1)], &v)).collect();
+        let both = |h: f64| 0.5 * (dot(&forces(&moved(&v, h)), &w) + dot(&forces(&moved(&w, h)), &v));
+        let order = taylor_order(both, dot(&Kv, &w), 1e-3);
+        assert!(order > 1.9, "not the symmetric part (order {order:.2})");
+        skew = skew.max((dot(&forces(&moved(&v, 1e-6)), &w) - dot(&f, &w) - 1e-6 * dot(&Kv, &w)).abs());
+        // Of the node in the middle alone the derivative is symmetric: what is left is of second order.
+        let inner = |d: &[f64]| -> Vec<f64> {
+            d.iter().enumerate().map(|(i, d)| if i / 3 == 4 { *d } else { 0.0 }).collect()
+        };
+        let (v, Kv) =
+            (inner(&v), (0..27).map(|r| dot(&K[27 * r..27 * (r + 1)], &inner(&v))).collect::<Vec<_>>());
+        let order = taylor_order(|h| dot(&forces(&moved(&v, h)), &w), dot(&Kv, &w), 1e-3);
+        assert!(order > 1.9, "unsymmetric inside the patch (order {order:.2})");
+    }
+    assert!(skew > 1e-7, "a free rim should leave something unsymmetric, {skew:.1e}");
 }
 
 /// Muscle fibres with one tension: the force is the derivative of the energy on the rising, the falling and the passive part of the

@@ -51,7 +51,10 @@ fn a_scene_is_read_and_compiled() {
     assert_eq!(plan.controls, ["a", "stretch"]);
     assert_eq!(plan.bodies, ["pelvis"]);
     assert_eq!(plan.effects, [("block".to_string(), 16), ("fibres".to_string(), 8)]);
-    assert_eq!(plan.absent, ["membranes", "strands", "gravity", "inertia", "pressures", "forces", "contact"]);
+    assert_eq!(
+        plan.absent,
+        ["membranes", "strands", "gravity", "inertia", "pressures", "patch pressures", "forces", "contact"]
+    );
     assert_eq!(plan.islands.len(), 1);
     // 45 nodes; 9 tied, 9 with a prescribed x.
     assert_eq!(plan.n_unknowns(), 3 * 45 - 27 - 9);

@@ -6,6 +6,10 @@
 //! Quantities that change in time are *controls*: names (an activation, a pressure, a load factor) whose values a
 //! [`crate::run::Drive`] gives. Bones are *bodies*: names whose poses the drive gives, relative to the mesh.
 
+mod user_law;
+
+pub use user_law::UserLaw;
+
 use crate::element::Formulation;
 use crate::material::line::FibreStrain;
 use crate::mesh::LengthUnit;
@@ -34,6 +38,8 @@ pub struct Scene {
     pub inertia: Option<InertiaSpec>,
     /// Follower pressures.
     pub pressures: Vec<PressureSpec>,
+    /// Follower pressures on patches whose rims move freely.
+    pub patch_pressures: Vec<PatchPressureSpec>,
     /// Dead nodal forces.
     pub forces: Vec<ForceSpec>,
     /// Prescribed displacements, rollers among them.
@@ -68,9 +74,9 @@ pub struct SolidSpec {
 
 impl SolidSpec {
     /// A region with everything else at its default.
-    pub fn new(region: &str, law: LawSpec) -> SolidSpec {
+    pub fn new(region: &str, law: impl Into<LawSpec>) -> SolidSpec {
         let (region, density) = (region.to_string(), soft_tissue_density());
-        SolidSpec { region, law, formulation: None, density, scale: Vec::new() }
+        SolidSpec { region, law: law.into(), formulation: None, density, scale: Vec::new() }
     }
 }
 
@@ -143,6 +149,8 @@ pub enum LawSpec {
         /// Control that holds the activation; absent: passive.
         activation: Option<String>,
     },
+    /// A law of a user's own; see [`LawSpec::user`].
+    User(UserLaw),
 }
 
 /// Where the fibre direction of a solid comes from.
@@ -302,6 +310,18 @@ pub struct PressureSpec {
     /// Was a point in the planes of all openings \[m\]. Not needed: openings are found from the surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<[f64; 3]>,
+    /// Control that holds the pressure \[Pa\].
+    pub control: String,
+}
+
+/// Pressure that stays normal to a surface whose rim may move freely: nothing but the force p n da on the patch as it is. It has no energy, so
+/// the solver finds an equilibrium in some more iterations and says nothing of its stability; where the rim allows it take a
+/// [`PressureSpec`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchPressureSpec {
+    /// Surface of the mesh; normals by the right-hand rule, positive pressure pushes against them.
+    pub surface: String,
     /// Control that holds the pressure \[Pa\].
     pub control: String,
 }

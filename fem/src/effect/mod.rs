@@ -1,22 +1,27 @@
 //! Effects: the additive parts of the potential Π(x) of the thigh.
 //!
-//! Each effect is an energy with its gradient and Hessian over the current node positions; the solver sees their sum.
+//! Each effect is an energy with its gradient and Hessian over the current node positions; the solver sees their sum. Loads without
+//! potential come in as models that have one ([`anchored`]).
 
 #![allow(non_snake_case)]
 
+pub mod anchored;
 pub mod chain;
 pub mod inertia;
 pub mod line;
 pub mod load;
 pub mod membrane;
+pub mod patch_pressure;
 pub mod pressure;
 pub mod solid;
 
+pub use anchored::Anchored;
 pub use chain::Chains;
 pub use inertia::TimeStep;
 pub use line::Lines;
 pub use load::DeadLoad;
 pub use membrane::Membrane;
+pub use patch_pressure::PatchPressure;
 pub use pressure::Pressure;
 pub use solid::Solid;
 
@@ -138,6 +143,11 @@ pub trait Effect: Send + Sync {
     /// Centroid of a group in the reference configuration \[m\].
     fn centroid(&self, group: usize) -> [f64; 3] {
         self.groups().centroids[group]
+    }
+    /// Whether there is an energy of which `forces` is the gradient. Where not, `energy` is 0 and `stiffness` the symmetric part of the
+    /// derivative of the forces.
+    fn has_potential(&self) -> bool {
+        true
     }
     /// Π \[J\]; `+∞` where the state is not admissible.
     fn energy(&self, s: &State) -> f64;

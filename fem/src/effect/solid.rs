@@ -8,9 +8,11 @@ use rayon::prelude::*;
 /// The law of each element of a region.
 pub trait LawField: Send + Sync {
     /// Law at one element.
-    type Law: Material;
+    type Law<'a>: Material
+    where
+        Self: 'a;
     /// Law of element `cell` under the controls of `s`.
-    fn law(&self, cell: usize, s: &State) -> Self::Law;
+    fn law<'a>(&'a self, cell: usize, s: &State<'a>) -> Self::Law<'a>;
     /// Direction of the fibres at rest in element `cell`, a unit vector; `None` where the law has none.
     fn fibre(&self, _cell: usize) -> Option<nalgebra::Vector3<f64>> {
         None
@@ -21,9 +23,12 @@ pub trait LawField: Send + Sync {
 pub struct Uniform<L>(pub L);
 
 impl<L: Material> LawField for Uniform<L> {
-    type Law = L;
+    type Law<'a>
+        = L
+    where
+        L: 'a;
     #[inline(always)]
-    fn law(&self, _: usize, _: &State) -> L {
+    fn law<'a>(&'a self, _: usize, _: &State<'a>) -> L {
         self.0
     }
 }

@@ -45,6 +45,11 @@ pub trait Real:
         let v = self.value();
         self.chain(v.ln(), 1.0 / v, -1.0 / (v * v))
     }
+    /// Exponential.
+    fn exp(self) -> Self {
+        let e = self.value().exp();
+        self.chain(e, e, e)
+    }
     /// 1 / self.
     fn recip(self) -> Self {
         let r = 1.0 / self.value();

@@ -1,6 +1,6 @@
 //! Constitutive laws: energy densities ψ(F), their stress P = ∂ψ/∂F and tangent ∂P/∂F.
 //!
-//! One file per law. Moduli in Pa, energy densities in J/m³. Isotropic laws and laws of one fibre family state only
+//! One file per law; those of a user's own need none of them ([`user`]). Moduli in Pa, energy densities in J/m³. Isotropic laws and laws of one fibre family state only
 //! their energy over invariants ([`Isotropic`], [`FibreReinforced`]); stress and tangent follow by exact
 //! differentiation. Fibres and strands, which carry force along a line only, are in [`line`].
 
@@ -19,6 +19,7 @@ pub mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod st_venant_kirchhoff;
 pub mod stable_neo_hookean;
+pub mod user;
 
 pub use blemker::{Blemker, BlemkerFibre};
 pub use fibre_reinforced::FibreReinforced;
@@ -30,6 +31,7 @@ pub use mooney_rivlin::{MooneyRivlin, MooneyRivlinDyna};
 pub use neo_hookean::{NeoHookean, NeoHookeanUncoupled};
 pub use st_venant_kirchhoff::StVenantKirchhoff;
 pub use stable_neo_hookean::StableNeoHookean;
+pub use user::{Hyperelastic, Site, SolidLaw, Symmetric};
 
 /// 3×3 matrix, column-major.
 pub type Matrix3 = nalgebra::Matrix3<f64>;

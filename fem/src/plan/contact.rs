@@ -197,7 +197,7 @@ fn rim(user: &str, faces: &[[u32; 4]]) -> Result<Vec<[u32; 2]>, SceneError> {
     Ok(rim)
 }
 
-/// Young's modulus \[Pa\] at small strain, along no fibre.
+/// Young's modulus \[Pa\] at small strain, along no fibre; of a user's own law the mean over all directions.
 fn young(law: &LawSpec) -> f64 {
     let of = |mu: f64, bulk: f64| 9.0 * bulk * mu / (3.0 * bulk + mu);
     match law {
@@ -209,6 +209,7 @@ fn young(law: &LawSpec) -> f64 {
         LawSpec::MooneyRivlin { c10, c01, bulk } => of(2.0 * (c10 + c01), *bulk),
         LawSpec::MooneyRivlinDyna { a, b, nu } => 4.0 * (a + b) * (1.0 + nu),
         LawSpec::Blemker { g1, g2, bulk, .. } => of(g1 + g2, *bulk),
+        LawSpec::User(law) => law.mean_young(),
     }
 }
 

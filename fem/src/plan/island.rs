@@ -6,7 +6,7 @@
 use super::flow::Flow;
 use crate::body::{Pose, interpolate};
 use crate::contact::Contact;
-use crate::effect::{Effect, NO_NODE, Part, State, TimeStep};
+use crate::effect::{Anchored, Effect, NO_NODE, Part, State, TimeStep};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -370,6 +370,8 @@ pub struct LoadedIsland {
     load: Load,
     /// All local nodes; free components are stale.
     x: Vec<f64>,
+    /// Where all local nodes were when loads without potential were last looked at; empty where there are none.
+    anchor: Vec<f64>,
     /// Share of the activation distance below which contact is softened; 0: nowhere.
     floor: f64,
     /// Inertia over the time step that the load takes; absent: equilibrium is sought.
@@ -384,7 +386,8 @@ impl LoadedIsland {
         let mut x = island.X.clone();
         island.prescribe(&start, &mut x);
         let (load, in_contact) = (start.clone(), AtomicU64::new(0));
-        LoadedIsland { island, load, start, end, x, floor: 0.0, inertia: None, in_contact }
+        let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
+        LoadedIsland { island, load, start, end, x, anchor, floor: 0.0, inertia: None, in_contact }
     }
 
     /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
@@ -395,6 +398,15 @@ impl LoadedIsland {
         let mass = mass.flat_map(|(&m, motion)| motion.map(|c| if moves(&c) { m } else { 0.0 })).collect();
         self.inertia = Some(TimeStep::new(h, mass, x.to_vec(), v));
         self
+    }
+
+    /// What `of` says of an effect as the solver sees it.
+    fn effect<T>(&self, effect: usize, of: impl FnOnce(&dyn Effect) -> T) -> T {
+        let effect = self.island.effects[effect].as_ref();
+        match effect.has_potential() {
+            true => of(effect),
+            false => of(&Anchored { effect, anchor: &self.anchor }),
+        }
     }
 
     /// What `of` says of the contact of the island, where it has one; its time counts as that of contact.
@@ -447,7 +459,7 @@ impl Potential for LoadedIsland {
     fn energy(&self, x: &[f64]) -> f64 {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
-        let energy: f64 = self.island.effects.iter().map(|e| e.energy(&s)).sum();
+        let energy: f64 = (0..self.island.effects.len()).map(|e| self.effect(e, |e| e.energy(&s))).sum();
         energy
             + self.contact(|contact| contact.energy(&x, self.floor)).unwrap_or(0.0)
             + self.inertia.as_ref().map_or(0.0, |inertia| inertia.energy(&x))
@@ -462,15 +474,17 @@ impl Potential for LoadedIsland {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         g.fill(0.0);
-        for (effect, slots) in island.effects.iter().zip(&island.slots) {
-            slots.add_vectors(g, FORCE_BATCH, |first, out| effect.forces(&s, first, out));
+        for (e, slots) in island.slots.iter().enumerate() {
+            self.effect(e, |effect| {
+                slots.add_vectors(g, FORCE_BATCH, |first, out| effect.forces(&s, first, out));
+            });
         }
         let mut f = Vec::new();
         for t in &island.tied {
             let effect = &island.effects[t.effect];
             f.clear();
             f.resize(3 * effect.nodes_per_group(), 0.0);
-            effect.forces(&s, t.group, &mut f);
+            self.effect(t.effect, |effect| effect.forces(&s, t.group, &mut f));
             f.resize(3 * t.nodes.len(), 0.0);
             for &(from, to) in &t.moves {
                 f[to] += f[from];
@@ -498,12 +512,14 @@ impl Potential for LoadedIsland {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         k.clear();
-        for (effect, slots) in island.effects.iter().zip(&island.slots) {
-            if !effect.is_linear() {
-                k.add_groups(slots, STIFFNESS_BATCH, |first, out| {
-                    effect.stiffness(&s, convexity, first, out)
-                });
-            }
+        for (e, slots) in island.slots.iter().enumerate() {
+            self.effect(e, |effect| {
+                if !effect.is_linear() {
+                    k.add_groups(slots, STIFFNESS_BATCH, |first, out| {
+                        effect.stiffness(&s, convexity, first, out)
+                    });
+                }
+            });
         }
         for t in &island.tied {
             let effect = &island.effects[t.effect];
@@ -512,7 +528,7 @@ impl Potential for LoadedIsland {
             }
             let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
             let mut small = vec![0.0; m * m];
-            effect.stiffness(&s, convexity, t.group, &mut small);
+            self.effect(t.effect, |effect| effect.stiffness(&s, convexity, t.group, &mut small));
             let mut full = vec![0.0; n * n];
             for r in 0..m {
                 full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
@@ -670,6 +686,15 @@ impl Loading for LoadedIsland {
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
         self.island.take_free(&full, x);
+        self.renew(x);
+    }
+
+    fn renew(&mut self, x: &[f64]) -> bool {
+        if self.anchor.is_empty() {
+            return false;
+        }
+        self.anchor = self.expand(x);
+        true
     }
 
     fn displaces(&self, t: f64) -> bool {

@@ -205,6 +205,7 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
         ("gravity", scene.gravity.is_none()),
         ("inertia", scene.inertia.is_none()),
         ("pressures", scene.pressures.is_empty()),
+        ("patch pressures", scene.patch_pressures.is_empty()),
         ("forces", scene.forces.is_empty()),
         ("contact", scene.contact.is_none()),
     ]
@@ -267,6 +268,9 @@ fn terms(
     }
     for spec in &scene.pressures {
         terms.extend(mistakes.keep(surfaces::pressure(spec, mesh, motion, names)));
+    }
+    for spec in &scene.patch_pressures {
+        terms.push(surfaces::patch_pressure(spec, mesh, names)?);
     }
     if let Some(first) = weights.first() {
         let mut loads = vec![[0.0; 3]; mesh.points.len()];

@@ -7,8 +7,9 @@ use crate::effect::{Effect, State, load::add_weight};
 use crate::element::{Formulation, Rule, SolidElement, shape};
 use crate::material::*;
 use crate::mesh::{CellBlock, CellKind, Mesh};
-use crate::scene::{FibreDirection, LawSpec, SolidSpec};
+use crate::scene::{FibreDirection, LawSpec, SolidSpec, UserLaw};
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// The law of a region, with fibre directions and activation where it has them.
 #[derive(Clone)]
@@ -20,8 +21,8 @@ struct Field {
 }
 
 impl LawField for Field {
-    type Law = Law;
-    fn law(&self, cell: usize, s: &State) -> Law {
+    type Law<'a> = Law;
+    fn law<'a>(&'a self, cell: usize, s: &State<'a>) -> Law {
         match self.law {
             Law::Blemker(along) => {
                 let activation = self.activation.map_or(0.0, |c| s.controls[c]);
@@ -39,10 +40,38 @@ impl LawField for Field {
     }
 }
 
-impl Field {
+/// The field on some cells of its region.
+trait Restrict: LawField {
+    fn restrict(&self, cells: &[u32]) -> Self;
+}
+
+impl Restrict for Field {
     fn restrict(&self, cells: &[u32]) -> Field {
         let directions = cells.iter().filter_map(|&c| self.directions.get(c as usize).copied()).collect();
         Field { directions, ..*self }
+    }
+}
+
+/// The law of a user's own of a region.
+struct UserField {
+    law: Arc<dyn SolidLaw>,
+    /// Index in the region and fibre direction of each cell.
+    cells: Vec<(usize, Vector3<f64>)>,
+    controls: Arc<[usize]>,
+}
+
+impl LawField for UserField {
+    type Law<'a> = user::At<'a>;
+    fn law<'a>(&'a self, cell: usize, s: &State<'a>) -> user::At<'a> {
+        let (cell, a0) = self.cells[cell];
+        user::At { law: self.law.as_ref(), site: Site::new(cell, a0, &self.controls, s.controls) }
+    }
+}
+
+impl Restrict for UserField {
+    fn restrict(&self, cells: &[u32]) -> UserField {
+        let cells = cells.iter().map(|&c| self.cells[c as usize]).collect();
+        UserField { law: self.law.clone(), cells, controls: self.controls.clone() }
     }
 }
 
@@ -53,65 +82,124 @@ pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, Sc
     check(&user, "density [kg/m^3]", spec.density, spec.density >= 0.0, "at least 0")?;
     let default = if block.kind == CellKind::Hex8 { Formulation::MeanDilatation } else { Formulation::Plain };
     let formulation = spec.formulation.map_or(default, Formulation::from);
+    check_scale(&user, &spec.scale, block.n_cells())?;
+    let build = match &spec.law {
+        LawSpec::User(law) => {
+            build_for(block, &user, formulation, user_field(&user, law, mesh, block, names)?, spec)?
+        }
+        _ => build_for(block, &user, formulation, field(&user, &spec.law, mesh, block, names)?, spec)?,
+    };
+    let (nodes_per_group, nodes) = (block.kind.n_nodes(), block.nodes.clone());
+    Ok(Term { name: spec.region.clone(), nodes_per_group, nodes, couples: true, build })
+}
+
+/// A law of the crate with its constants checked.
+fn field(
+    user: &str,
+    law: &LawSpec,
+    mesh: &Mesh,
+    block: &CellBlock,
+    names: &mut Names,
+) -> Result<Field, SceneError> {
     let (mut fibres, mut activation) = (Vec::new(), None);
-    let law = match &spec.law {
+    let law = match law {
         LawSpec::NeoHookean { young, nu } => {
-            young_and_poisson(&user, *young, *nu)?;
+            young_and_poisson(user, *young, *nu)?;
             Law::NeoHookean(NeoHookean::from_young(*young, *nu))
         }
         LawSpec::NeoHookeanUncoupled { mu, bulk } => {
-            positive(&user, &[("mu [Pa]", *mu), ("bulk [Pa]", *bulk)])?;
+            positive(user, &[("mu [Pa]", *mu), ("bulk [Pa]", *bulk)])?;
             Law::NeoHookeanUncoupled(NeoHookeanUncoupled { mu: *mu, bulk: *bulk })
         }
         LawSpec::MooneyRivlin { c10, c01, bulk } => {
-            positive(&user, &[("c10 + c01 [Pa]", c10 + c01), ("bulk [Pa]", *bulk)])?;
+            positive(user, &[("c10 + c01 [Pa]", c10 + c01), ("bulk [Pa]", *bulk)])?;
             Law::MooneyRivlin(MooneyRivlin { c10: *c10, c01: *c01, bulk: *bulk })
         }
         LawSpec::MooneyRivlinDyna { a, b, nu } => {
-            young_and_poisson(&user, a + b, *nu)?;
+            young_and_poisson(user, a + b, *nu)?;
             Law::MooneyRivlinDyna(MooneyRivlinDyna { a: *a, b: *b, nu: *nu })
         }
         LawSpec::StableNeoHookean { young, nu } => {
-            young_and_poisson(&user, *young, *nu)?;
-            check(&user, "Poisson's ratio", *nu, *nu >= 0.0, "at least 0 for this law")?;
+            young_and_poisson(user, *young, *nu)?;
+            check(user, "Poisson's ratio", *nu, *nu >= 0.0, "at least 0 for this law")?;
             Law::StableNeoHookean(StableNeoHookean::from_young(*young, *nu))
         }
         LawSpec::StVenantKirchhoff { young, nu } => {
-            young_and_poisson(&user, *young, *nu)?;
+            young_and_poisson(user, *young, *nu)?;
             Law::StVenantKirchhoff(StVenantKirchhoff::from_young(*young, *nu))
         }
         LawSpec::LinearElastic { young, nu } => {
-            young_and_poisson(&user, *young, *nu)?;
+            young_and_poisson(user, *young, *nu)?;
             Law::LinearElastic(LinearElastic::from_young(*young, *nu))
         }
         LawSpec::Blemker { g1, g2, bulk, sigma_max, lambda_ofl, fibres: along, activation: control } => {
             positive(
-                &user,
+                user,
                 &[("g1 [Pa]", *g1), ("g2 [Pa]", *g2), ("bulk [Pa]", *bulk), ("lambda_ofl", *lambda_ofl)],
             )?;
-            check(&user, "sigma_max [Pa]", *sigma_max, *sigma_max >= 0.0, "at least 0")?;
-            fibres = directions(&user, along, mesh, block)?;
+            check(user, "sigma_max [Pa]", *sigma_max, *sigma_max >= 0.0, "at least 0")?;
+            fibres = directions(user, along, mesh, block)?;
             activation = control.as_ref().map(|a| names.control(a));
             let (g1, g2, bulk, sigma_max, lambda_ofl) = (*g1, *g2, *bulk, *sigma_max, *lambda_ofl);
             let law = Blemker { g1, g2, bulk, sigma_max, lambda_ofl, ..Blemker::muscle() };
             Law::Blemker(BlemkerFibre { law, a0: Vector3::x() })
         }
+        LawSpec::User(_) => unreachable!("it has a field of its own"),
     };
-    check_scale(&user, &spec.scale, block.n_cells())?;
-    let field = Field { law, directions: fibres, activation };
+    Ok(Field { law, directions: fibres, activation })
+}
+
+/// A law of a user's own; refused where it has no finite energy, stress and tangent at rest.
+fn user_field(
+    user: &str,
+    spec: &UserLaw,
+    mesh: &Mesh,
+    block: &CellBlock,
+    names: &mut Names,
+) -> Result<UserField, SceneError> {
+    let along = spec.fibres.as_ref().map(|along| directions(user, along, mesh, block)).transpose()?;
+    let along = along.unwrap_or_else(|| vec![Vector3::zeros(); block.n_cells()]);
+    let controls: Vec<usize> = spec.controls.iter().map(|name| names.control(name)).collect();
+    let law = spec.law.clone();
+    let (I, at_rest) = (Matrix3::identity(), vec![0.0; names.controls.len()]);
+    for (cell, &a0) in along.iter().enumerate() {
+        let at = user::At { law: law.as_ref(), site: Site::new(cell, a0, &controls, &at_rest) };
+        let quantities = [
+            ("energy density [J/m^3] at rest", at.energy(&I)),
+            ("stress [Pa] at rest, a component of it", sum(at.stress(&I).as_slice())),
+            ("tangent [Pa] at rest, a component of it", sum(at.tangent(&I).as_slice())),
+        ];
+        for (quantity, value) in quantities {
+            check(user, &format!("{quantity} in cell {cell}"), value, true, "a finite number: mend the law")?;
+        }
+    }
+    Ok(UserField { law, cells: along.into_iter().enumerate().collect(), controls: controls.into() })
+}
+
+fn sum(values: &[f64]) -> f64 {
+    values.iter().map(|v| v.abs()).sum()
+}
+
+/// What makes the effect of a region of solid cells.
+fn build_for<F: Restrict + 'static>(
+    block: &CellBlock,
+    user: &str,
+    formulation: Formulation,
+    field: F,
+    spec: &SolidSpec,
+) -> Result<Builder, SceneError> {
     let scale = spec.scale.clone();
-    let build = match block.kind {
+    Ok(match block.kind {
         CellKind::Hex8 => builder(shape::hex8, formulation, field, scale),
         CellKind::Tet4 => builder(shape::tet4, formulation, field, scale),
         CellKind::Tet10 => builder(shape::tet10, formulation, field, scale),
         CellKind::Wedge6 => builder(shape::wedge6, formulation, field, scale),
         found => {
-            let (block, needed) = (block.name.clone(), "hexahedra, tetrahedra or wedges");
+            let (user, block, needed) =
+                (user.to_string(), block.name.clone(), "hexahedra, tetrahedra or wedges");
             return Err(SceneError::Kind { user, block, found, needed });
         }
-    };
-    let (nodes_per_group, nodes) = (block.kind.n_nodes(), block.nodes.clone());
-    Ok(Term { name: spec.region.clone(), nodes_per_group, nodes, couples: true, build })
+    })
 }
 
 /// Refuses factors that are not one per cell or not positive, naming the first cell.
@@ -139,10 +227,10 @@ fn young_and_poisson(user: &str, young: f64, nu: f64) -> Result<(), SceneError> 
     check(user, "Poisson's ratio", nu, nu > -1.0 && nu < 0.5, "above -1 and below 0.5")
 }
 
-fn builder<const N: usize, const G: usize>(
+fn builder<L: Restrict + 'static, const N: usize, const G: usize>(
     rule: fn() -> Rule<N, G, 3>,
     formulation: Formulation,
-    field: Field,
+    field: L,
     scale: Vec<f64>,
 ) -> Builder {
     Box::new(move |name, points, nodes, cells| {

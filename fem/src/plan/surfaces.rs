@@ -4,11 +4,11 @@ use super::error::nearest;
 use super::rim::rim;
 use super::term::{Builder, Names, Term, cells_of, check};
 use super::{Motion, SceneError};
-use crate::effect::{Effect, Membrane, Pressure};
+use crate::effect::{Effect, Membrane, PatchPressure, Pressure};
 use crate::element::{Rule, shape};
 use crate::material::membrane::MembraneLaw;
 use crate::mesh::{CellKind, Mesh};
-use crate::scene::{MembraneLawSpec, MembraneSpec, PressureSpec};
+use crate::scene::{MembraneLawSpec, MembraneSpec, PatchPressureSpec, PressureSpec};
 
 /// The term of a membrane region.
 pub fn membrane(spec: &MembraneSpec, mesh: &Mesh) -> Result<Term, SceneError> {
@@ -81,6 +81,23 @@ pub fn pressure(
         couples: true,
         build,
     })
+}
+
+/// The term of a pressure on a patch with a free rim.
+pub fn patch_pressure(spec: &PatchPressureSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, SceneError> {
+    let user = "patch pressure";
+    let faces = mesh.surfaces.get(&spec.surface).ok_or_else(|| SceneError::Unknown {
+        user: user.to_string(),
+        what: "surface",
+        name: spec.surface.clone(),
+        nearest: nearest(&spec.surface, mesh.surfaces.keys().map(String::as_str)),
+    })?;
+    let control = names.control(&spec.control);
+    let build: Builder = Box::new(move |name, points, nodes, _| {
+        Ok(Box::new(PatchPressure::new(name, control, points, nodes.as_chunks::<4>().0)) as Box<dyn Effect>)
+    });
+    let (name, nodes) = (format!("{user} on {}", spec.surface), faces.as_flattened().to_vec());
+    Ok(Term { name, nodes_per_group: 4, nodes, couples: true, build })
 }
 
 fn faces_of<'a>(spec: &PressureSpec, mesh: &'a Mesh) -> Result<&'a [[u32; 4]], SceneError> {

@@ -120,6 +120,12 @@ pub trait Loading: Potential {
     /// step and predicts how the free nodes follow.
     fn set_load(&mut self, t: f64, x: &mut [f64]);
 
+    /// Looks anew, at `x`, at loads that have no potential; until the next time the potential holds a model of them whose gradient is
+    /// true there. Returns whether there are any.
+    fn renew(&mut self, _x: &[f64]) -> bool {
+        false
+    }
+
     /// Whether anything prescribed moves between the present load and that at `t`; forces alone may change.
     fn displaces(&self, _t: f64) -> bool {
         true

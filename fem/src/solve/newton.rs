@@ -55,6 +55,7 @@ impl Run<'_> {
     ) -> Result<(), Box<NotConverged>> {
         let n = x.len();
         let (mut g, mut dx, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        potential.renew(x);
         let mut energy = potential.energy(x);
         self.gradient(potential, x, &mut g);
         let mut scale = potential.force_scale(x);
@@ -108,6 +109,9 @@ impl Run<'_> {
                 Err(reason) => return Err(self.failure(potential, x, reason, iteration, &g)),
             };
             x.copy_from_slice(&trial);
+            if potential.renew(x) {
+                energy = potential.energy(x);
+            }
             self.gradient(potential, x, &mut g);
             scale = potential.force_scale(x);
             self.report.assembly_s += assembly.elapsed().as_secs_f64();
