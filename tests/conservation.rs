@@ -168,7 +168,7 @@ fn wrenches_on_the_bodies_balance() {
 fn a_face_that_moves_as_a_plane_carries_no_net_force() {
     // Benchmark b04, free end: its nodes keep equal x displacements and their axial forces add up to nothing.
     let (mesh, mut scene) = fibre_bar();
-    scene.planes.push(PlaneSpec { nodes: "x_max".to_string(), axis: 0 });
+    scene.planes.push(PlaneSpec { nodes: "x_max".to_string(), axis: 0.into() });
     let plan = plan(&scene, &mesh);
     let frame = solve(&plan, &[("a", 0.5)], &tolerance(1e-9));
     let end: Vec<f64> = mesh.node_sets["x_max"].iter().map(|&n| frame.x[3 * n as usize]).collect();

@@ -466,7 +466,7 @@ fn gradient_and_hessian_of_an_island_are_derivatives() {
             held("rim", [true, false, false]),
             held("z_min", [true, true, true]),
         ],
-        planes: vec![PlaneSpec { nodes: "x_max".to_string(), axis: 0 }],
+        planes: vec![PlaneSpec { nodes: "x_max".to_string(), axis: 0.into() }],
         ..Scene::default()
     };
     // Nodes of z_min on x_max would follow and be held at once; those of z_max are on the rim of the pressure, which stays in its plane.

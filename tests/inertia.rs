@@ -219,7 +219,7 @@ fn inertia_is_the_derivative_of_its_energy() {
     let mut scene = Scene {
         solids: vec![SolidSpec::new("block", mooney_rivlin())],
         prescribed: vec![held("y_min", [false, true, false])],
-        planes: vec![PlaneSpec { nodes: "x_max".into(), axis: 0 }],
+        planes: vec![PlaneSpec { nodes: "x_max".into(), axis: 0.into() }],
         inertia: Some(moving("block", [1.0, 2.0, 3.0])),
         ..Scene::default()
     };

@@ -44,6 +44,8 @@ pub struct Scene {
     pub forces: Vec<ForceSpec>,
     /// Prescribed displacements, rollers among them.
     pub prescribed: Vec<PrescribedSpec>,
+    /// Rollers on planes of any direction.
+    pub rollers: Vec<RollerSpec>,
     /// Nodes tied to rigid bodies whose poses the drive prescribes.
     pub ties: Vec<TieSpec>,
     /// Sets of nodes that move as one plane.
@@ -354,6 +356,22 @@ pub struct PrescribedSpec {
     pub control: Option<String>,
 }
 
+/// Nodes that slide in planes of any direction. A node of two such sets slides along the line in which the planes meet, one of three is held.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RollerSpec {
+    /// Node set.
+    pub nodes: String,
+    /// Normal of the planes; normalised.
+    pub normal: [f64; 3],
+    /// Displacement \[m\] along the normal at unit value of the control.
+    #[serde(default)]
+    pub displacement: f64,
+    /// Control that scales it; absent: the planes stay where they are.
+    #[serde(default)]
+    pub control: Option<String>,
+}
+
 /// Nodes that move with a rigid body.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -364,14 +382,30 @@ pub struct TieSpec {
     pub body: String,
 }
 
-/// Nodes whose displacement component along an axis is one common unknown.
+/// Nodes whose displacement along a direction is one common unknown.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneSpec {
     /// Node set.
     pub nodes: String,
-    /// Axis 0, 1 or 2.
-    pub axis: usize,
+    /// Axis 0, 1 or 2, or a vector of any direction.
+    pub axis: Direction,
+}
+
+/// A direction: the number of an axis, or a vector, normalised.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(untagged, expecting = "0, 1 or 2 for an axis, or a vector of three numbers")]
+pub enum Direction {
+    /// 0, 1 or 2.
+    Axis(usize),
+    /// Any vector but zero.
+    Vector([f64; 3]),
+}
+
+impl From<usize> for Direction {
+    fn from(axis: usize) -> Direction {
+        Direction::Axis(axis)
+    }
 }
 
 /// Frictionless contact; see [`crate::contact`]. What is prescribed on both sides is not looked at: only the drive moves it.

@@ -108,10 +108,13 @@ pub fn support_wrench(plan: &Plan, at: Snapshot, nodes: &[u32], about: [f64; 3])
     let mut wrench = Wrench::default();
     for &n in nodes {
         let i = 3 * n as usize;
-        let f = std::array::from_fn(|c| match plan.motion[n as usize][c] {
-            Motion::Free | Motion::Follows(_) => 0.0,
-            _ => g[i + c],
-        });
+        let f = match plan.motion[n as usize][0] {
+            Motion::Slides(of) => plan.slides[of as usize].reaction([g[i], g[i + 1], g[i + 2]].into()).into(),
+            _ => std::array::from_fn(|c| match plan.motion[n as usize][c].is_unknown() {
+                true => 0.0,
+                false => g[i + c],
+            }),
+        };
         wrench.add(std::array::from_fn(|c| at.x[i + c] - about[c]), f);
     }
     wrench

@@ -148,8 +148,7 @@ fn surface(
     let user = format!("contact surface `{name}`");
     check(&user, "number of faces", faces.len() as f64, !faces.is_empty(), "positive")?;
     let rim = rim(&user, &faces)?;
-    let moves =
-        |n: &&u32| motion[**n as usize].iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_)));
+    let moves = |n: &&u32| motion[**n as usize].iter().any(Motion::is_unknown);
     let deforms = nodes.iter().any(|n| moves(&n));
     let first = motion[nodes[0] as usize];
     let together = nodes.iter().all(|&n| motion[n as usize] == first);
@@ -358,7 +357,7 @@ impl ContactPlan {
         let carrier = |m: &[Motion; 3]| match m {
             [Motion::Body(b), ..] => Some(*b as u32),
             [Motion::Held, Motion::Held, Motion::Held] => Some(HELD),
-            m if m.iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_))) => None,
+            m if m.iter().any(Motion::is_unknown) => None,
             _ => Some(CONTROLLED),
         };
         let input = ContactInput {

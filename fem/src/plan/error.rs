@@ -119,6 +119,26 @@ pub enum SceneError {
         /// The other.
         second: String,
     },
+    /// A node whose constraints in several directions contradict each other.
+    #[error(
+        "node {node}: {first} and {second} prescribe different things along one direction; keep one, or take the node out of one set"
+    )]
+    Contradiction {
+        /// The node.
+        node: u32,
+        /// One part of the scene.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// A plane of which no node can lead the others.
+    #[error(
+        "plane `{nodes}`: every node of the set is prescribed along its normal or slides on a roller; leave one of them free"
+    )]
+    NoLeader {
+        /// The set.
+        nodes: String,
+    },
     /// An embedded point outside all solids.
     #[error("{user}: point ({x:.6}, {y:.6}, {z:.6}) m of line {line} lies in no solid cell; move it inside")]
     Outside {

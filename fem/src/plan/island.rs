@@ -1,14 +1,18 @@
 //! An island: nodes that nothing connects to the rest, the effects on them, and what is prescribed.
 //!
 //! Prescribed nodes are eliminated: they keep their place in the island but are no unknowns. Components that follow a
-//! master node (a rigid plane) are eliminated too, by moving their rows and columns onto the master's.
+//! master node (a rigid plane) are eliminated too, by moving their rows and columns onto the master's. Nodes that slide in directions that are
+//! no axes keep three unknowns, of which only what lies in these directions counts ([`Slide`]).
 
 use super::flow::Flow;
+use super::slide::Slide;
 use crate::body::{Pose, interpolate};
 use crate::contact::Contact;
 use crate::effect::{Anchored, Effect, NO_NODE, Part, State, TimeStep};
 use crate::solve::{BlockMatrix, Loading, PRESCRIBED, Pattern, Potential, Slots};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -26,6 +30,24 @@ pub enum Motion {
     Body(usize),
     /// Its displacement is that of the same component of a node.
     Follows(u32),
+    /// It moves with its node, which slides in directions that are no axes: index into [`Plan::slides`](super::Plan::slides).
+    Slides(u32),
+}
+
+impl Motion {
+    /// Whether it is not prescribed altogether.
+    pub fn is_unknown(&self) -> bool {
+        matches!(self, Motion::Free | Motion::Follows(_) | Motion::Slides(_))
+    }
+
+    /// The node whose displacement it takes over.
+    pub(super) fn leader(&self, slides: &[Slide]) -> Option<u32> {
+        match self {
+            Motion::Follows(leader) => Some(*leader),
+            Motion::Slides(of) => slides[*of as usize].follows.map(|(leader, ..)| leader),
+            _ => None,
+        }
+    }
 }
 
 /// Values of the controls and poses of the bodies at one time, in the order of the plan.
@@ -61,6 +83,8 @@ struct TiedGroup {
     nodes: Vec<u32>,
     /// (row of the follower, row of its master), 3 per node.
     moves: Vec<(usize, usize)>,
+    /// Places among `nodes` of those that slide, and of those that they follow.
+    slides: Vec<(usize, Option<usize>)>,
 }
 
 /// The fixed part of an island, shared by all states of it.
@@ -77,6 +101,8 @@ pub struct Island {
     pub cells: Vec<Vec<u32>>,
     /// What each component of each local node does; followers name local nodes.
     pub motion: Vec<[Motion; 3]>,
+    /// Local nodes that slide; those that they follow are local too.
+    slides: BTreeMap<u32, Slide>,
     /// What may touch, over local nodes; absent where nothing can.
     pub contact: Option<Contact>,
     /// Centre of the nodes tied to each body of the plan \[m\].
@@ -102,22 +128,24 @@ impl Island {
         effects: Vec<Box<dyn Effect>>,
         cells: Vec<Vec<u32>>,
         motion: Vec<[Motion; 3]>,
+        slides: BTreeMap<u32, Slide>,
         pivots: Arc<Vec<[f64; 3]>>,
         n_controls: usize,
     ) -> Island {
-        let unknown = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
         let mut free = vec![PRESCRIBED; nodes.len()];
         let mut free_nodes = Vec::new();
         let mut fixed = Vec::new();
         for (n, m) in motion.iter().enumerate() {
-            if m.iter().any(unknown) {
+            if m.iter().any(Motion::is_unknown) {
                 free[n] = free_nodes.len() as u32;
                 free_nodes.push(n as u32);
-                fixed.extend(m.map(|m| m != Motion::Free));
+                fixed.extend(m.map(|m| !matches!(m, Motion::Free | Motion::Slides(_))));
             }
         }
-        let follower =
-            |n: u32| n != NO_NODE && motion[n as usize].iter().any(|m| matches!(m, Motion::Follows(_)));
+        let follower = |n: u32| {
+            n != NO_NODE
+                && motion[n as usize].iter().any(|m| matches!(m, Motion::Follows(_) | Motion::Slides(_)))
+        };
         let free_of = |n: u32| if n == NO_NODE { PRESCRIBED } else { free[n as usize] };
         let mut tied = Vec::new();
         let mut places: Vec<Vec<u32>> = Vec::new();
@@ -126,7 +154,7 @@ impl Island {
             let mut place = Vec::with_capacity(effect.nodes().len());
             for (g, group) in effect.nodes().chunks_exact(m).enumerate() {
                 if group.iter().any(|&n| follower(n)) {
-                    tied.push(tied_group(e, g, group, &motion));
+                    tied.push(tied_group(e, g, group, &motion, &slides));
                     place.extend(std::iter::repeat_n(PRESCRIBED, m));
                 } else {
                     place.extend(group.iter().map(|&n| free_of(n)));
@@ -154,6 +182,7 @@ impl Island {
             effects,
             cells,
             motion,
+            slides,
             contact: None,
             pivots,
             flow: OnceLock::new(),
@@ -188,11 +217,27 @@ impl Island {
     /// The unknown that a component of a local node moves with: its free node and component; none where prescribed.
     fn unknown(&self, node: u32, c: usize) -> Option<(u32, usize)> {
         let owner = match self.motion[node as usize][c] {
-            Motion::Free => node,
+            Motion::Free | Motion::Slides(_) => node,
             Motion::Follows(master) => master,
             _ => return None,
         };
         self.free_index(owner).map(|free| (free as u32, c))
+    }
+
+    /// The free nodes whose unknowns move a local node, with the matrices T of u = Σ T ũ.
+    fn movers(&self, node: u32) -> Vec<(u32, Matrix3<f64>)> {
+        if let Some(slide) = self.slides.get(&node) {
+            let own = self.free_index(node).map(|free| (free as u32, slide.free));
+            let leader =
+                slide.follows.and_then(|(m, n, w)| Some((self.free_index(m)? as u32, w * n.transpose())));
+            return own.into_iter().chain(leader).collect();
+        }
+        let single = |c: usize| {
+            let mut T = Matrix3::zeros();
+            T[(c, c)] = 1.0;
+            self.unknown(node, c).map(|(free, _)| (free, T))
+        };
+        (0..3).filter_map(single).collect()
     }
 
     /// Moves blocks between local nodes onto their unknowns; ascending by (row, column).
@@ -202,6 +247,16 @@ impl Island {
             if [i, j].iter().all(|&n| self.is_free(n)) {
                 let free = |n| self.free_index(n).expect("a free node") as u32;
                 out.push(([free(i), free(j)], block));
+                continue;
+            }
+            if [i, j].iter().any(|n| self.slides.contains_key(n)) {
+                let B = Matrix3::from_row_slice(&block);
+                for (row, Ti) in self.movers(i) {
+                    for (column, Tj) in self.movers(j) {
+                        let moved = Ti.transpose() * B * Tj;
+                        out.push(([row, column], std::array::from_fn(|e| moved[(e / 3, e % 3)])));
+                    }
+                }
                 continue;
             }
             for e in 0..9 {
@@ -252,7 +307,7 @@ impl Island {
             for c in 0..3 {
                 let i = 3 * n + c;
                 match motion[c] {
-                    Motion::Free | Motion::Follows(_) => {}
+                    Motion::Free | Motion::Follows(_) | Motion::Slides(_) => {}
                     Motion::Held => x[i] = self.X[i],
                     Motion::Control(control, u) => x[i] = self.X[i] + load.controls[control] * u,
                     Motion::Body(b) => {
@@ -284,8 +339,21 @@ impl Island {
         worst
     }
 
-    /// Moves followers in `x` \[m\] to where their masters want them.
-    fn follow(&self, x: &mut [f64]) {
+    /// Moves nodes that slide in `x` \[m\] to where the controls and their own ways take them, followers to where their masters want them.
+    fn follow(&self, controls: &[f64], x: &mut [f64]) {
+        for (&n, slide) in &self.slides {
+            let i = 3 * n as usize;
+            let X = Vector3::from_column_slice(&self.X[i..i + 3]);
+            let own = slide.free * (Vector3::from_column_slice(&x[i..i + 3]) - X);
+            x[i..i + 3].copy_from_slice((X + own + slide.prescribed(controls)).as_slice());
+        }
+        for (&n, slide) in &self.slides {
+            if let Some((m, normal, w)) = slide.follows {
+                let m = 3 * m as usize;
+                let along: f64 = (0..3).map(|c| normal[c] * (x[m + c] - self.X[m + c])).sum();
+                (0..3).for_each(|c| x[3 * n as usize + c] += w[c] * along);
+            }
+        }
         for &n in &self.free_nodes {
             for c in 0..3 {
                 if let Motion::Follows(master) = self.motion[n as usize][c] {
@@ -345,7 +413,13 @@ fn strain_force(effect: &dyn Effect, rest: &State) -> f64 {
 const FORCE_BATCH: usize = 64;
 const STIFFNESS_BATCH: usize = 16;
 
-fn tied_group(effect: usize, group: usize, members: &[u32], motion: &[[Motion; 3]]) -> TiedGroup {
+fn tied_group(
+    effect: usize,
+    group: usize,
+    members: &[u32],
+    motion: &[[Motion; 3]],
+    slides: &BTreeMap<u32, Slide>,
+) -> TiedGroup {
     let mut nodes = members.to_vec();
     let mut moves = Vec::new();
     for (p, &n) in members.iter().enumerate().filter(|(_, n)| **n != NO_NODE) {
@@ -359,7 +433,19 @@ fn tied_group(effect: usize, group: usize, members: &[u32], motion: &[[Motion; 3
             }
         }
     }
-    TiedGroup { effect, group, nodes, moves }
+    let mut sliding = Vec::new();
+    for p in 0..nodes.len() {
+        if let Some(slide) = slides.get(&nodes[p]) {
+            let leader = slide.follows.map(|(leader, ..)| {
+                nodes.iter().position(|&m| m == leader).unwrap_or_else(|| {
+                    nodes.push(leader);
+                    nodes.len() - 1
+                })
+            });
+            sliding.push((p, leader));
+        }
+    }
+    TiedGroup { effect, group, nodes, moves, slides: sliding }
 }
 
 /// An island under a load: what the solver minimizes.
@@ -393,9 +479,9 @@ impl LoadedIsland {
     /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
     /// local node.
     pub fn over(mut self, h: f64, masses: &[f64], x: &[f64], v: &[f64]) -> LoadedIsland {
-        let moves = |m: &Motion| matches!(m, Motion::Free | Motion::Follows(_));
         let mass = masses.iter().zip(&self.island.motion);
-        let mass = mass.flat_map(|(&m, motion)| motion.map(|c| if moves(&c) { m } else { 0.0 })).collect();
+        let mass =
+            mass.flat_map(|(&m, motion)| motion.map(|c| if c.is_unknown() { m } else { 0.0 })).collect();
         self.inertia = Some(TimeStep::new(h, mass, x.to_vec(), v));
         self
     }
@@ -437,12 +523,12 @@ impl LoadedIsland {
         let mut x = self.x.clone();
         for (&n, p) in self.island.free_nodes.iter().zip(free.chunks_exact(3)) {
             for c in 0..3 {
-                if self.island.motion[n as usize][c] == Motion::Free {
+                if matches!(self.island.motion[n as usize][c], Motion::Free | Motion::Slides(_)) {
                     x[3 * n as usize + c] = p[c];
                 }
             }
         }
-        self.island.follow(&mut x);
+        self.island.follow(&self.load.controls, &mut x);
         x
     }
 }
@@ -490,6 +576,9 @@ impl Potential for LoadedIsland {
                 f[to] += f[from];
                 f[from] = 0.0;
             }
+            for &(p, leader) in &t.slides {
+                island.slides[&t.nodes[p]].redistribute(&mut f, |i| i, p, leader);
+            }
             for (&n, f) in t.nodes.iter().zip(f.chunks_exact(3)) {
                 if let Some(free) = island.free_index(n) {
                     for c in 0..3 {
@@ -499,7 +588,21 @@ impl Potential for LoadedIsland {
             }
         }
         for forces in [self.contact_gradient(&x), self.inertia_gradient(&x)].into_iter().flatten() {
+            for (&n, slide) in &island.slides {
+                let mut f: Vec<f64> = forces[3 * n as usize..3 * n as usize + 3].to_vec();
+                f.resize(6, 0.0);
+                slide.redistribute(&mut f, |i| i, 0, Some(1));
+                let leader = slide.follows.and_then(|(m, ..)| island.free_index(m));
+                for (free, f) in [(island.free_index(n), &f[..3]), (leader, &f[3..])] {
+                    if let Some(free) = free {
+                        (0..3).for_each(|c| g[3 * free + c] += f[c]);
+                    }
+                }
+            }
             for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
+                if island.slides.contains_key(&((i / 3) as u32)) {
+                    continue;
+                }
                 if let Some((free, c)) = island.unknown((i / 3) as u32, i % 3) {
                     g[3 * free as usize + c] += force;
                 }
@@ -541,6 +644,20 @@ impl Potential for LoadedIsland {
                     full[r * n + to] += std::mem::take(&mut full[r * n + from]);
                 }
             }
+            for &(p, leader) in &t.slides {
+                let slide = &island.slides[&t.nodes[p]];
+                let stiffness = (0..3).map(|c| full[(3 * p + c) * (n + 1)].abs()).sum::<f64>() / 3.0;
+                for c in 0..n {
+                    slide.redistribute(&mut full, |r| r * n + c, p, leader);
+                }
+                for r in 0..n {
+                    slide.redistribute(&mut full, |c| r * n + c, p, leader);
+                }
+                let spring = (Matrix3::identity() - slide.free) * stiffness;
+                for e in 0..9 {
+                    full[(3 * p + e / 3) * n + 3 * p + e % 3] += spring[(e / 3, e % 3)];
+                }
+            }
             for (a, &na) in t.nodes.iter().enumerate() {
                 for (b, &nb) in t.nodes.iter().enumerate() {
                     if let (Some(row), Some(column)) = (island.free_index(na), island.free_index(nb)) {
@@ -560,6 +677,17 @@ impl Potential for LoadedIsland {
                 let mut block = [0.0; 9];
                 block[4 * c] = *stiffness;
                 k.add_block(free as usize, free as usize, &block);
+            }
+        }
+        // What a leader feels of the inertia of those that follow it obliquely: across their own ways, so that nothing couples them.
+        for (&n, slide) in self.inertia.iter().flat_map(|_| &island.slides) {
+            let inertia = self.inertia.as_ref().expect("it has inertia");
+            if let Some((m, normal, w)) = slide.follows
+                && let Some(free) = island.free_index(m)
+            {
+                let mass = inertia.stiffness()[3 * n as usize] * w.norm_squared();
+                let block = normal * normal.transpose() * mass;
+                k.add_block(free, free, &std::array::from_fn(|e| block[(e / 3, e % 3)]));
             }
         }
     }
@@ -593,6 +721,11 @@ impl Potential for LoadedIsland {
                     total[3 * n + c] = 0.0;
                 }
             }
+        }
+        for (&n, slide) in &island.slides {
+            let i = 3 * n as usize;
+            let reaction = slide.reaction(Vector3::from_column_slice(&total[i..i + 3]));
+            total[i..i + 3].copy_from_slice(reaction.as_slice());
         }
         scale.max(norm(&total))
     }
@@ -701,7 +834,10 @@ impl Loading for LoadedIsland {
         let to = self.load_at(t);
         let by_control =
             |m: &Motion| matches!(m, Motion::Control(c, _) if self.load.controls[*c] != to.controls[*c]);
-        self.load.poses != to.poses || self.island.motion.iter().flatten().any(by_control)
+        let slides = |s: &Slide| s.by.iter().any(|(c, _)| self.load.controls[*c] != to.controls[*c]);
+        self.load.poses != to.poses
+            || self.island.motion.iter().flatten().any(by_control)
+            || self.island.slides.values().any(slides)
     }
 
     fn n_pieces(&self, t: f64) -> usize {

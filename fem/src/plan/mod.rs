@@ -12,6 +12,7 @@ mod island;
 mod lines;
 mod motion;
 mod rim;
+mod slide;
 mod solids;
 mod surfaces;
 mod term;
@@ -21,6 +22,7 @@ pub use contact::Repair;
 pub use error::SceneError;
 pub use inertia::Inertia;
 pub use island::{Island, Load, LoadedIsland, Motion};
+pub use slide::Slide;
 pub use solids::Weights;
 pub use warning::Warning;
 
@@ -46,6 +48,8 @@ pub struct Plan {
     pub islands: Vec<Arc<Island>>,
     /// What each component of each node of the mesh does.
     pub motion: Vec<[Motion; 3]>,
+    /// How nodes move that slide in directions that are no axes; see [`Motion::Slides`].
+    pub slides: Vec<Slide>,
     /// Weight of every solid cell, for cuts; empty without gravity.
     pub weights: Vec<Weights>,
     /// Masses and first velocities; absent: every frame is an equilibrium.
@@ -70,19 +74,20 @@ impl Plan {
         let mut mistakes = Mistakes::default();
         // Numbered anew below: here it only matters what is prescribed.
         let motion = mistakes.keep(motion::motions(scene, &mesh, &mut Names::default()));
-        let contact = motion.as_ref().and_then(|m| mistakes.keep(contact(scene, &mut mesh, m)));
+        let contact = motion.as_ref().and_then(|(m, _)| mistakes.keep(contact(scene, &mut mesh, m)));
         let mut names = Names::default();
         let weights = weights(scene, &mesh, &mut names, &mut mistakes);
-        let terms = terms(scene, &mesh, motion.as_deref(), &weights, &mut names, &mut mistakes);
+        let terms = terms(scene, &mesh, motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())), &weights, &mut names, &mut mistakes);
         let inertia = mistakes.keep(inertia::inertia(scene, &mesh));
         let motion = mistakes.keep(motion::motions(scene, &mesh, &mut names));
-        let (Some((contact, repair)), Some(inertia), Some(motion), true) =
+        let (Some((contact, repair)), Some(inertia), Some((motion, slides)), true) =
             (contact, inertia, motion, mistakes.is_empty())
         else {
             return Err(mistakes.into_error());
         };
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
-        let islands = islands(&mesh, &terms, &motion, &pivots, names.controls.len(), contact.as_ref())?;
+        let islands =
+            islands(&mesh, &terms, (&motion, &slides), &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let Names { controls, bodies } = names;
         let absent = absent(scene);
@@ -96,6 +101,7 @@ impl Plan {
             bodies,
             islands,
             motion,
+            slides,
             weights,
             inertia,
             effects,
@@ -240,7 +246,7 @@ fn weights(scene: &Scene, mesh: &Mesh, names: &mut Names, mistakes: &mut Mistake
 fn terms(
     scene: &Scene,
     mesh: &Mesh,
-    motion: Option<&[[Motion; 3]]>,
+    motion: Option<(&[[Motion; 3]], &[Slide])>,
     weights: &[Weights],
     names: &mut Names,
     mistakes: &mut Mistakes,
@@ -333,14 +339,13 @@ fn pivots(mesh: &Mesh, motion: &[[Motion; 3]], n_bodies: usize) -> Vec<[f64; 3]>
 fn islands(
     mesh: &Mesh,
     terms: &[Term],
-    motion: &[[Motion; 3]],
+    (motion, slides): (&[[Motion; 3]], &[Slide]),
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     contact: Option<&ContactPlan>,
 ) -> Result<Vec<Arc<Island>>, SceneError> {
     let n = mesh.points.len();
-    let is_free =
-        |node: u32| motion[node as usize].iter().any(|m| matches!(m, Motion::Free | Motion::Follows(_)));
+    let is_free = |node: u32| motion[node as usize].iter().any(Motion::is_unknown);
     let mut parent: Vec<u32> = (0..n as u32).collect();
     let mut unite = |a: u32, b: u32| {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
@@ -348,8 +353,8 @@ fn islands(
     };
     for (node, m) in motion.iter().enumerate() {
         for m in m {
-            if let Motion::Follows(master) = m {
-                unite(node as u32, *master);
+            if let Some(leader) = m.leader(slides) {
+                unite(node as u32, leader);
             }
         }
     }
@@ -404,7 +409,7 @@ fn islands(
                 .collect()
         });
         let members = contact.map(|c| (c, members.as_slice())).filter(|(_, m)| !m.is_empty());
-        islands.push(Arc::new(island(mesh, terms, motion, pivots, n_controls, groups, members)?));
+        islands.push(Arc::new(island(mesh, terms, (motion, slides), pivots, n_controls, groups, members)?));
     }
     Ok(islands)
 }
@@ -421,7 +426,7 @@ fn root(parent: &mut [u32], mut n: u32) -> u32 {
 fn island(
     mesh: &Mesh,
     terms: &[Term],
-    motion: &[[Motion; 3]],
+    (motion, slides): (&[[Motion; 3]], &[Slide]),
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     groups: Vec<Vec<u32>>,
@@ -432,11 +437,8 @@ fn island(
         groups[t].iter().flat_map(move |&g| &terms[t].nodes[m * g as usize..m * (g as usize + 1)]).copied()
     };
     let mut nodes: Vec<u32> = (0..terms.len()).flat_map(members).filter(|&n| n != NO_NODE).collect();
-    let masters: Vec<u32> = nodes
-        .iter()
-        .flat_map(|&n| motion[n as usize])
-        .filter_map(|m| if let Motion::Follows(master) = m { Some(master) } else { None })
-        .collect();
+    let masters: Vec<u32> =
+        nodes.iter().flat_map(|&n| motion[n as usize]).filter_map(|m| m.leader(slides)).collect();
     nodes.extend(masters);
     if let Some((plan, members)) = contact {
         members.iter().for_each(|&s| nodes.extend(&plan.surfaces[s].nodes));
@@ -452,6 +454,16 @@ fn island(
         cells.push(groups[t].clone());
         name.get_or_insert(&term.name);
     }
+    let mut sliding = std::collections::BTreeMap::new();
+    for (i, &n) in (0..).zip(&nodes) {
+        if let Motion::Slides(of) = motion[n as usize][0] {
+            let mut slide = slides[of as usize].clone();
+            if let Some((leader, ..)) = &mut slide.follows {
+                *leader = local(*leader);
+            }
+            sliding.insert(i, slide);
+        }
+    }
     let motion = nodes.iter().map(|&n| {
         motion[n as usize].map(|m| match m {
             Motion::Follows(master) => Motion::Follows(local(master)),
@@ -464,7 +476,7 @@ fn island(
     let contact = contact.and_then(|(plan, members)| {
         plan.part(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
     });
-    let mut island = Island::new(name, nodes, X, effects, cells, motion, pivots.clone(), n_controls);
+    let mut island = Island::new(name, nodes, X, effects, cells, motion, sliding, pivots.clone(), n_controls);
     island.contact = contact;
     Ok(island)
 }

@@ -1,18 +1,30 @@
-//! What each component of each node does: prescribed, tied to a body, following a plane, or free.
+//! What each component of each node does: prescribed, tied to a body, following a plane, sliding, or free.
 
 use super::error::Mistakes;
-use super::term::{Names, check, set_of};
+use super::slide::{Along, Slide};
+use super::term::{Names, check, set_of, unit};
 use super::{Motion, SceneError};
 use crate::mesh::Mesh;
-use crate::scene::{PlaneSpec, PrescribedSpec, Scene, TieSpec};
+use crate::scene::{Direction, PlaneSpec, PrescribedSpec, RollerSpec, Scene, TieSpec};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
-/// Motion of every component of every node, from the scene's prescriptions, ties and planes; the first mistake of each is named.
-pub fn motions(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<[Motion; 3]>, SceneError> {
+/// Motion of every component of every node, from the scene's prescriptions, rollers, ties and planes; those that slide in
+/// directions that are no axes in a list of their own. The first mistake of each is named.
+pub fn motions(
+    scene: &Scene,
+    mesh: &Mesh,
+    names: &mut Names,
+) -> Result<(Vec<[Motion; 3]>, Vec<Slide>), SceneError> {
+    let n = mesh.points.len();
     let mut table =
-        Table { motion: vec![[Motion::Free; 3]; mesh.points.len()], user: vec![[""; 3]; mesh.points.len()] };
+        Table { motion: vec![[Motion::Free; 3]; n], user: vec![[""; 3]; n], oblique: BTreeMap::new() };
     let mut mistakes = Mistakes::default();
     for spec in &scene.prescribed {
         mistakes.keep(table.prescribe(spec, mesh, names));
+    }
+    for spec in &scene.rollers {
+        mistakes.keep(table.roller(spec, mesh, names));
     }
     for spec in &scene.ties {
         mistakes.keep(table.tie(spec, mesh, names));
@@ -20,13 +32,22 @@ pub fn motions(scene: &Scene, mesh: &Mesh, names: &mut Names) -> Result<Vec<[Mot
     for spec in &scene.planes {
         mistakes.keep(table.plane(spec, mesh));
     }
-    mistakes.end().map(|()| table.motion)
+    mistakes.end()?;
+    table.slide()
 }
 
-/// Motions with the node set that asked for each.
+/// A direction as an axis where it is one, otherwise as a vector of unit length.
+fn direction(user: &str, v: [f64; 3]) -> Result<Direction, SceneError> {
+    let n = unit(user, v)?;
+    let axis = (0..3).find(|&c| n[c].abs() == 1.0);
+    Ok(axis.map_or(Direction::Vector(n.into()), Direction::Axis))
+}
+
+/// Motions with the node set that asked for each, and constraints along other directions than axes.
 struct Table<'a> {
     motion: Vec<[Motion; 3]>,
     user: Vec<[&'a str; 3]>,
+    oblique: BTreeMap<u32, Vec<(Vector3<f64>, Along, &'a str)>>,
 }
 
 impl<'a> Table<'a> {
@@ -70,6 +91,30 @@ impl<'a> Table<'a> {
         Ok(())
     }
 
+    fn roller(&mut self, spec: &'a RollerSpec, mesh: &Mesh, names: &mut Names) -> Result<(), SceneError> {
+        let control = spec.control.as_ref().map(|c| names.control(c));
+        let user = format!("roller `{}`", spec.nodes);
+        let n = direction(&user, spec.normal)?;
+        let u = spec.displacement;
+        check(&user, "displacement [m]", u, true, "a finite number")?;
+        let must = "zero, or name the control that scales it";
+        check(&user, "displacement [m] without a control", u, u == 0.0 || control.is_some(), must)?;
+        let control = control.filter(|_| u != 0.0);
+        for &node in set_of(mesh, &spec.nodes, &user)? {
+            match n {
+                Direction::Axis(c) => {
+                    let along = |control| Motion::Control(control, u * spec.normal[c].signum());
+                    self.set(node, c, control.map_or(Motion::Held, along), &spec.nodes)?;
+                }
+                Direction::Vector(n) => {
+                    let along = Along::Control(control.map(|control| (control, u)));
+                    self.oblique.entry(node).or_default().push((n.into(), along, &spec.nodes));
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn tie(&mut self, spec: &'a TieSpec, mesh: &Mesh, names: &mut Names) -> Result<(), SceneError> {
         let body = names.body(&spec.body);
         for &node in set_of(mesh, &spec.nodes, &format!("tie to `{}`", spec.body))? {
@@ -82,14 +127,25 @@ impl<'a> Table<'a> {
 
     fn plane(&mut self, spec: &'a PlaneSpec, mesh: &Mesh) -> Result<(), SceneError> {
         let user = format!("plane `{}`", spec.nodes);
-        check(&user, "axis", spec.axis as f64, spec.axis < 3, "0, 1 or 2")?;
+        let axis = match spec.axis {
+            Direction::Axis(axis) => {
+                check(&user, "axis", axis as f64, axis < 3, "0, 1 or 2")?;
+                axis
+            }
+            Direction::Vector(n) => match direction(&user, n)? {
+                Direction::Axis(axis) => axis,
+                Direction::Vector(n) => {
+                    return self.follow_obliquely(set_of(mesh, &spec.nodes, &user)?, n.into(), &spec.nodes);
+                }
+            },
+        };
         let nodes = set_of(mesh, &spec.nodes, &user)?;
         for &node in nodes.iter().skip(1) {
-            self.set(node, spec.axis, Motion::Follows(nodes[0]), &spec.nodes)?;
+            self.set(node, axis, Motion::Follows(nodes[0]), &spec.nodes)?;
         }
         match nodes.first() {
-            Some(&master) if self.motion[master as usize][spec.axis] != Motion::Free => {
-                Err(self.conflict(master, spec.axis, &spec.nodes))
+            Some(&master) if self.motion[master as usize][axis] != Motion::Free => {
+                Err(self.conflict(master, axis, &spec.nodes))
             }
             _ => Ok(()),
         }
@@ -106,6 +162,59 @@ impl<'a> Table<'a> {
         Ok(())
     }
 
+    /// Lets nodes share their displacement along `n` with the first of them that is free to take it.
+    fn follow_obliquely(&mut self, nodes: &[u32], n: Vector3<f64>, user: &'a str) -> Result<(), SceneError> {
+        let leads = |node: &&u32| {
+            let across = |c: usize| n[c].abs() < 1e-12;
+            let free = |c: usize| self.motion[**node as usize][c] == Motion::Free;
+            !self.oblique.contains_key(*node) && (0..3).all(|c| free(c) || across(c))
+        };
+        let leader =
+            *nodes.iter().find(leads).ok_or_else(|| SceneError::NoLeader { nodes: user.to_string() })?;
+        for &node in nodes.iter().filter(|n| **n != leader) {
+            self.oblique.entry(node).or_default().push((n, Along::Node(leader), user));
+        }
+        Ok(())
+    }
+
+    /// Puts the constraints of every node that has oblique ones together.
+    fn slide(mut self) -> Result<(Vec<[Motion; 3]>, Vec<Slide>), SceneError> {
+        let mut slides = Vec::new();
+        for (&node, oblique) in &self.oblique {
+            let mut constraints = oblique.clone();
+            for c in 0..3 {
+                let along = match self.motion[node as usize][c] {
+                    Motion::Free => continue,
+                    Motion::Held => Along::Control(None),
+                    Motion::Control(control, u) => Along::Control(Some((control, u))),
+                    Motion::Follows(leader) => Along::Node(leader),
+                    Motion::Body(_) | Motion::Slides(_) => {
+                        let user = self.user[node as usize][c];
+                        return Err(contradiction(node, oblique[0].2, user));
+                    }
+                };
+                constraints.push((Vector3::ith(c, 1.0), along, self.user[node as usize][c]));
+            }
+            let bare: Vec<_> = constraints.iter().map(|(n, along, _)| (*n, *along)).collect();
+            let slide = Slide::new(&bare)
+                .map_err(|[a, b]| contradiction(node, constraints[b].2, constraints[a].2))?;
+            self.motion[node as usize] = [Motion::Slides(slides.len() as u32); 3];
+            slides.push(slide);
+        }
+        // Whom others follow must not slide itself.
+        let leaders = self.motion.iter().flatten().filter_map(|m| match m {
+            Motion::Follows(leader) => Some(*leader),
+            Motion::Slides(i) => slides[*i as usize].follows.map(|f| f.0),
+            _ => None,
+        });
+        for leader in leaders {
+            if let Some(oblique) = self.oblique.get(&leader) {
+                return Err(contradiction(leader, oblique[0].2, "that moves as one plane with it in front"));
+            }
+        }
+        Ok((self.motion, slides))
+    }
+
     fn conflict(&self, node: u32, c: usize, user: &str) -> SceneError {
         SceneError::Conflict {
             node,
@@ -114,4 +223,9 @@ impl<'a> Table<'a> {
             second: format!("set `{user}`"),
         }
     }
+}
+
+fn contradiction(node: u32, first: &str, second: &str) -> SceneError {
+    let name = |set: &str| format!("set `{set}`");
+    SceneError::Contradiction { node, first: name(first), second: name(second) }
 }

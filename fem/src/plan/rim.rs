@@ -3,7 +3,7 @@
 //! A displacement δx of the rim adds the volume ∫ δx·n da of the strips that the rim has swept. That vanishes, and p V is the potential of
 //! the pressure on the surface alone, if for every edge of the rim there is a plane in which both its nodes start and stay.
 
-use super::{Motion, SceneError};
+use super::{Motion, SceneError, Slide};
 use crate::mesh::{Mesh, edge_counts};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ pub fn rim(
     user: &str,
     faces: &[[u32; 4]],
     mesh: &Mesh,
-    motion: &[[Motion; 3]],
+    (motion, slides): (&[[Motion; 3]], &[Slide]),
 ) -> Result<BTreeMap<u32, Matrix3<f64>>, SceneError> {
     let mut rim = BTreeMap::new();
     for (edge, [forwards, backwards]) in edge_counts(faces) {
@@ -29,19 +29,19 @@ pub fn rim(
             1 => {}
             _ => return Err(SceneError::Orientation { user: user.to_string(), nodes: edge }),
         }
-        if let Some(how) = leaves(edge, mesh, motion) {
+        if let Some(how) = leaves(edge, mesh, motion, slides) {
             return Err(SceneError::OpenRim { user: user.to_string(), nodes: edge, how });
         }
-        rim.extend(edge.map(|n| (n, free_directions(&motion[n as usize]))));
+        rim.extend(edge.map(|n| (n, free_directions(&motion[n as usize], slides))));
     }
     Ok(rim)
 }
 
 /// How an edge leaves the plane in which it should stay; `None` where it does not.
-fn leaves(edge: [u32; 2], mesh: &Mesh, motion: &[[Motion; 3]]) -> Option<&'static str> {
+fn leaves(edge: [u32; 2], mesh: &Mesh, motion: &[[Motion; 3]], slides: &[Slide]) -> Option<&'static str> {
     let [a, b] = edge.map(|n| &motion[n as usize]);
     let [p, q] = edge.map(|n| Vector3::from(mesh.points[n as usize]));
-    let eigen = (free_directions(a) + free_directions(b)).symmetric_eigen();
+    let eigen = (free_directions(a, slides) + free_directions(b, slides)).symmetric_eigen();
     let normals: Vec<usize> = (0..3).filter(|&i| eigen.eigenvalues[i] < 1e-9).collect();
     match normals[..] {
         [] => Some("moves freely"),
@@ -50,7 +50,7 @@ fn leaves(edge: [u32; 2], mesh: &Mesh, motion: &[[Motion; 3]]) -> Option<&'stati
             if (q - p).dot(&normal).abs() > TILT * (q - p).norm() {
                 return Some("slides in a plane in which it does not lie");
             }
-            (!go_together(a, b, &normal)).then_some("is taken out of its plane by what is prescribed")
+            (!go_together(a, b, &normal, slides)).then_some("is taken out of its plane by what is prescribed")
         }
         // Along one line, or not at all: such a line and the edge always have a plane in common.
         _ => None,
@@ -58,27 +58,35 @@ fn leaves(edge: [u32; 2], mesh: &Mesh, motion: &[[Motion; 3]]) -> Option<&'stati
 }
 
 /// Projector onto the directions in which a node is not prescribed.
-fn free_directions(motion: &[Motion; 3]) -> Matrix3<f64> {
+fn free_directions(motion: &[Motion; 3], slides: &[Slide]) -> Matrix3<f64> {
+    if let Motion::Slides(of) = motion[0] {
+        // What it takes over from another node is not prescribed.
+        let slide = &slides[of as usize];
+        return slide.follows.map_or(slide.free, |(_, _, w)| slide.free + w * w.transpose() / w.norm_squared());
+    }
     let free = motion.map(|m| f64::from(u8::from(matches!(m, Motion::Free | Motion::Follows(_)))));
     Matrix3::from_diagonal(&free.into())
 }
 
 /// How far each control moves a node \[m\]; `None` where a body moves it.
-fn moved(motion: &[Motion; 3]) -> Option<BTreeMap<usize, Vector3<f64>>> {
+fn moved(motion: &[Motion; 3], slides: &[Slide]) -> Option<BTreeMap<usize, Vector3<f64>>> {
     let mut by = BTreeMap::new();
     for (c, m) in motion.iter().enumerate() {
         match m {
             Motion::Control(control, u) => by.entry(*control).or_insert_with(Vector3::zeros)[c] += u,
             Motion::Body(_) => return None,
-            Motion::Held | Motion::Free | Motion::Follows(_) => {}
+            Motion::Slides(of) if c == 0 => {
+                slides[*of as usize].by.iter().for_each(|(control, u)| *by.entry(*control).or_insert_with(Vector3::zeros) += u);
+            }
+            Motion::Slides(_) | Motion::Held | Motion::Free | Motion::Follows(_) => {}
         }
     }
     Some(by)
 }
 
 /// Whether every control moves two nodes by the same length along a direction.
-fn go_together(a: &[Motion; 3], b: &[Motion; 3], direction: &Vector3<f64>) -> bool {
-    let (Some(a), Some(b)) = (moved(a), moved(b)) else { return false };
+fn go_together(a: &[Motion; 3], b: &[Motion; 3], direction: &Vector3<f64>, slides: &[Slide]) -> bool {
+    let (Some(a), Some(b)) = (moved(a, slides), moved(b, slides)) else { return false };
     a.keys().chain(b.keys()).all(|control| {
         let [a, b] = [&a, &b].map(|by| by.get(control).copied().unwrap_or_default());
         (a - b).dot(direction).abs() <= ROUND_OFF * a.norm().max(b.norm())

@@ -66,6 +66,9 @@ impl LawField for UserField {
         let (cell, a0) = self.cells[cell];
         user::At { law: self.law.as_ref(), site: Site::new(cell, a0, &self.controls, s.controls) }
     }
+    fn fibre(&self, cell: usize) -> Option<Vector3<f64>> {
+        Some(self.cells[cell].1).filter(|a0| *a0 != Vector3::zeros())
+    }
 }
 
 impl Restrict for UserField {

@@ -3,7 +3,7 @@
 use super::error::nearest;
 use super::rim::rim;
 use super::term::{Builder, Names, Term, cells_of, check};
-use super::{Motion, SceneError};
+use super::{Motion, SceneError, Slide};
 use crate::effect::{Effect, Membrane, PatchPressure, Pressure};
 use crate::element::{Rule, shape};
 use crate::material::membrane::MembraneLaw;
@@ -56,7 +56,7 @@ fn builder<const N: usize, const G: usize>(
 pub fn pressure(
     spec: &PressureSpec,
     mesh: &Mesh,
-    motion: Option<&[[Motion; 3]]>,
+    motion: Option<(&[[Motion; 3]], &[Slide])>,
     names: &mut Names,
 ) -> Result<Term, SceneError> {
     let control = names.control(&spec.control);

@@ -52,7 +52,7 @@ pub fn fibre_bar(refine: usize, strain: FibreStrain, ends: Ends) -> (Scene, Mesh
     };
     match ends {
         Ends::Apart => scene.prescribed.push(moved("x_max", X, [LENGTH, 0.0, 0.0], "e")),
-        Ends::Free => scene.planes.push(PlaneSpec { nodes: "x_max".into(), axis: 0 }),
+        Ends::Free => scene.planes.push(PlaneSpec { nodes: "x_max".into(), axis: 0.into() }),
     }
     (scene, mesh)
 }
