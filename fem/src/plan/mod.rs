@@ -50,6 +50,8 @@ pub struct Plan {
     pub motion: Vec<[Motion; 3]>,
     /// How nodes move that slide in directions that are no axes; see [`Motion::Slides`].
     pub slides: Vec<Slide>,
+    /// Centre of the nodes tied to each body \[m\], about which it turns between loads.
+    pub(crate) pivots: Arc<Vec<[f64; 3]>>,
     /// Weight of every solid cell, for cuts; empty without gravity.
     pub weights: Vec<Weights>,
     /// Masses and first velocities; absent: every frame is an equilibrium.
@@ -77,7 +79,14 @@ impl Plan {
         let contact = motion.as_ref().and_then(|(m, _)| mistakes.keep(contact(scene, &mut mesh, m)));
         let mut names = Names::default();
         let weights = weights(scene, &mesh, &mut names, &mut mistakes);
-        let terms = terms(scene, &mesh, motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())), &weights, &mut names, &mut mistakes);
+        let terms = terms(
+            scene,
+            &mesh,
+            motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())),
+            &weights,
+            &mut names,
+            &mut mistakes,
+        );
         let inertia = mistakes.keep(inertia::inertia(scene, &mesh));
         let motion = mistakes.keep(motion::motions(scene, &mesh, &mut names));
         let (Some((contact, repair)), Some(inertia), Some((motion, slides)), true) =
@@ -102,6 +111,7 @@ impl Plan {
             islands,
             motion,
             slides,
+            pivots,
             weights,
             inertia,
             effects,
@@ -276,7 +286,7 @@ fn terms(
         terms.extend(mistakes.keep(surfaces::pressure(spec, mesh, motion, names)));
     }
     for spec in &scene.patch_pressures {
-        terms.push(surfaces::patch_pressure(spec, mesh, names)?);
+        terms.extend(mistakes.keep(surfaces::patch_pressure(spec, mesh, names)));
     }
     if let Some(first) = weights.first() {
         let mut loads = vec![[0.0; 3]; mesh.points.len()];

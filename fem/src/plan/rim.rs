@@ -62,7 +62,9 @@ fn free_directions(motion: &[Motion; 3], slides: &[Slide]) -> Matrix3<f64> {
     if let Motion::Slides(of) = motion[0] {
         // What it takes over from another node is not prescribed.
         let slide = &slides[of as usize];
-        return slide.follows.map_or(slide.free, |(_, _, w)| slide.free + w * w.transpose() / w.norm_squared());
+        return slide
+            .follows
+            .map_or(slide.free, |(_, _, w)| slide.free + w * w.transpose() / w.norm_squared());
     }
     let free = motion.map(|m| f64::from(u8::from(matches!(m, Motion::Free | Motion::Follows(_)))));
     Matrix3::from_diagonal(&free.into())
@@ -76,7 +78,10 @@ fn moved(motion: &[Motion; 3], slides: &[Slide]) -> Option<BTreeMap<usize, Vecto
             Motion::Control(control, u) => by.entry(*control).or_insert_with(Vector3::zeros)[c] += u,
             Motion::Body(_) => return None,
             Motion::Slides(of) if c == 0 => {
-                slides[*of as usize].by.iter().for_each(|(control, u)| *by.entry(*control).or_insert_with(Vector3::zeros) += u);
+                slides[*of as usize]
+                    .by
+                    .iter()
+                    .for_each(|(control, u)| *by.entry(*control).or_insert_with(Vector3::zeros) += u);
             }
             Motion::Slides(_) | Motion::Held | Motion::Free | Motion::Follows(_) => {}
         }
