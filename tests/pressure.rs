@@ -309,6 +309,65 @@ fn on_every_rim_that_slides_in_planes_the_force_is_the_derivative_of_the_energy(
 }
 
 /// What a scene of the quarter with a change of its says.
+/// The octant of a sphere stands on three symmetry planes. What their rollers push back is the resultant of the stress in the wall, and that is
+/// the pressure on a quarter of the inner circle, p π a²/4, which itself is no part of it.
+#[test]
+fn the_reaction_of_an_octant_is_the_stress_in_its_wall_without_the_pressure_on_the_opening() {
+    let (inner, outer, pressure) = (0.010, 0.015, 2e3);
+    let mesh = fem::mesh::generate::sphere_octant(inner, outer, 4, 3);
+    let scene = Scene {
+        solids: vec![wall()],
+        pressures: vec![inside("inner")],
+        prescribed: vec![
+            held("x_min", [true, false, false]),
+            held("y_min", [false, true, false]),
+            held("z_min", [false, false, true]),
+        ],
+        ..Scene::default()
+    };
+    let plan = plan(&scene, &mesh);
+    let frame = solve(&plan, &[("p", pressure)], &tolerance(1e-9));
+    let at = frame.snapshot();
+    let place = |n: u32| Vector3::from_row_slice(&frame.x[3 * n as usize..3 * n as usize + 3]);
+    let nodes = fem::mesh::unique_nodes(mesh.surfaces["inner"].iter().flatten().copied());
+    let radius = nodes.iter().map(|&n| place(n).norm()).sum::<f64>() / nodes.len() as f64;
+    assert!(radius > 1.03 * inner, "it has grown to {radius} m");
+    let pushed = fem::measure::pressure_wrench(&plan, at, "inner", [0.0; 3]).expect("a pressure");
+    for (c, set) in ["x_min", "y_min", "z_min"].into_iter().enumerate() {
+        let reaction = support_wrench(&plan, at, &mesh.node_sets[set], [0.0; 3]).force;
+        let exact = pressure * std::f64::consts::PI * radius * radius / 4.0;
+        println!("{set}: reaction {:.6} N, p pi a^2/4 = {exact:.6} N", -reaction[c]);
+        // The inner circle is a polygon of 8 edges per quarter, whose area is less by 0.6 %.
+        assert!((-reaction[c] / exact - 1.0).abs() < 0.03, "{set}: {} N, wanted {exact} N", -reaction[c]);
+        assert!(
+            (reaction[c] + pushed.force[c]).abs() < 1e-7 * exact,
+            "{set}: {} and {} N",
+            reaction[c],
+            pushed.force[c]
+        );
+        // The wall itself: mean stress across the plane over the cells that stand on it, times their area there.
+        let cells = fem::measure::solid_field(&plan, at, &mesh.blocks[0].name).expect("a solid");
+        let on_plane = |cell: &[u32]| -> Option<[u32; 4]> {
+            let faces = fem::mesh::CellKind::Hex8.faces().iter().map(|f| f.map(|n| cell[n]));
+            faces.into_iter().find(|f| f.iter().all(|n| mesh.node_sets[set].contains(n)))
+        };
+        let wall: f64 = mesh.blocks[0]
+            .cells()
+            .zip(&cells)
+            .filter_map(|(cell, field)| {
+                let [a, b, e, f] = on_plane(cell)?.map(place);
+                Some(0.5 * (e - a).cross(&(f - b)).norm() * field.cauchy[(c, c)])
+            })
+            .sum();
+        println!("stress in the wall {wall:.6} N");
+        assert!(
+            (wall / -reaction[c] - 1.0).abs() < 0.05,
+            "{set}: stress {wall} N, reaction {} N",
+            reaction[c]
+        );
+    }
+}
+
 fn refusal(change: impl Fn(&mut Scene, &mut Mesh)) -> Option<String> {
     let (mut scene, mut mesh) = quarter(2);
     change(&mut scene, &mut mesh);

@@ -78,7 +78,13 @@ fn beam_of_guccione_bends_as_in_problem_1_of_land_and_others() {
     }
     println!("tip z {tips:.4?} mm");
     assert!(PUBLISHED[0] <= tips[1] && tips[1] <= PUBLISHED[1], "z = {tips:.4?} mm");
-    assert!((tips[1] - tips[0]).abs() < 0.05, "not converged: z = {tips:.4?} mm");
+    // Edges half as long: of second order, a third of the difference is what is left.
+    let left = (tips[1] - tips[0]) / 3.0;
+    let limit = tips[1] + left;
+    assert!(
+        left.abs() < 0.03 && PUBLISHED[0] <= limit && limit <= PUBLISHED[1],
+        "z = {tips:.4?} mm, limit {limit:.4} mm"
+    );
 }
 
 /// A cube with fibres that pull shortens until the pull along them balances the law: d/dλ of ψ(λ) = 0 at J = 1.

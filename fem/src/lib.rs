@@ -9,6 +9,7 @@
 
 pub mod body;
 pub mod contact;
+pub mod drive;
 pub mod effect;
 pub mod element;
 pub mod geometry;

@@ -6,8 +6,6 @@
 //! Number to expect, asserted on the finest mesh: the end of the line (10, 0.5, 1) mm comes to lie at z = 4.14 to 4.20 mm.
 
 mod beam;
-// Shared with tests, which use the active law too.
-#[allow(dead_code)]
 mod laws;
 
 use beam::{PRESSURE, PUBLISHED, beam, tip};

@@ -15,6 +15,9 @@ pub struct PatchPressure {
 }
 
 impl PatchPressure {
+    /// Name of the effect, but for the surface.
+    pub const NAME: &str = "patch pressure on ";
+
     /// Pressure \[Pa\] held by the control with index `control` on `faces` (indices into `points` \[m\]), normals by the
     /// right-hand rule out of the solid.
     pub fn new(name: &str, control: usize, points: &[[f64; 3]], faces: &[[u32; 4]]) -> Self {

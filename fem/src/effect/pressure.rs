@@ -26,6 +26,9 @@ pub struct Pressure {
 }
 
 impl Pressure {
+    /// Name of the effect, but for the surface.
+    pub const NAME: &str = "pressure on ";
+
     /// Pressure \[Pa\] held by the control with index `control` on `faces` (indices into `points` \[m\]), normals by the
     /// right-hand rule out of the solid; `rim`: the nodes of the rim, each with the projector onto the directions in which it is not
     /// prescribed.

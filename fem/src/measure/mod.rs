@@ -101,8 +101,29 @@ pub fn nodal_forces(plan: &Plan, at: Snapshot) -> Vec<f64> {
     total
 }
 
-/// Force and moment \[N, N·m, about `about` in m\] that the supports exert on the nodes of `nodes`, by their prescribed
-/// components.
+/// Force and moment \[N, N·m, about `about` in m\] of the pressure on a surface, as it is now; `None` where there is none. Its negative is what
+/// the same pressure exerts on all openings of the surface together.
+pub fn pressure_wrench(plan: &Plan, at: Snapshot, surface: &str, about: [f64; 3]) -> Option<Wrench> {
+    let names =
+        [crate::effect::Pressure::NAME, crate::effect::PatchPressure::NAME].map(|n| format!("{n}{surface}"));
+    let mut wrench = None;
+    for island in &plan.islands {
+        let x = island.gather(at.x);
+        let s = State { x: &x, controls: &at.load.controls };
+        for (e, _) in island.effects.iter().enumerate().filter(|(_, e)| names.iter().any(|n| n == e.name())) {
+            let sum = wrench.get_or_insert_with(Wrench::default);
+            for (x, g) in x.chunks_exact(3).zip(island.effect_gradient(e, &s).chunks_exact(3)) {
+                sum.add(std::array::from_fn(|c| x[c] - about[c]), [-g[0], -g[1], -g[2]]);
+            }
+        }
+    }
+    wrench
+}
+
+/// Force and moment \[N, N·m, about `about` in m\] that the supports exert on the nodes of `nodes`, by what is prescribed of them.
+///
+/// Pressure acts on the surfaces that the scene names and on nothing else: where such a surface is open, the force of a support along its
+/// rim is that of the tissue alone, the resultant of the stress in it, without the pressure on the opening ([`pressure_wrench`] has that).
 pub fn support_wrench(plan: &Plan, at: Snapshot, nodes: &[u32], about: [f64; 3]) -> Wrench {
     let g = nodal_forces(plan, at);
     let mut wrench = Wrench::default();

@@ -50,6 +50,8 @@ pub struct Plan {
     pub motion: Vec<[Motion; 3]>,
     /// How nodes move that slide in directions that are no axes; see [`Motion::Slides`].
     pub slides: Vec<Slide>,
+    /// Centre of the nodes tied to each body \[m\], about which it turns between loads.
+    pub(crate) pivots: Arc<Vec<[f64; 3]>>,
     /// Weight of every solid cell, for cuts; empty without gravity.
     pub weights: Vec<Weights>,
     /// Masses and first velocities; absent: every frame is an equilibrium.
@@ -109,6 +111,7 @@ impl Plan {
             islands,
             motion,
             slides,
+            pivots,
             weights,
             inertia,
             effects,

@@ -75,7 +75,7 @@ pub fn pressure(
         Ok(Box::new(Pressure::new(name, control, points, local, rim)) as Box<dyn Effect>)
     });
     Ok(Term {
-        name: format!("pressure on {}", spec.surface),
+        name: format!("{}{}", Pressure::NAME, spec.surface),
         nodes_per_group: 4,
         nodes,
         couples: true,
@@ -96,7 +96,7 @@ pub fn patch_pressure(spec: &PatchPressureSpec, mesh: &Mesh, names: &mut Names) 
     let build: Builder = Box::new(move |name, points, nodes, _| {
         Ok(Box::new(PatchPressure::new(name, control, points, nodes.as_chunks::<4>().0)) as Box<dyn Effect>)
     });
-    let (name, nodes) = (format!("{user} on {}", spec.surface), faces.as_flattened().to_vec());
+    let (name, nodes) = (format!("{}{}", PatchPressure::NAME, spec.surface), faces.as_flattened().to_vec());
     Ok(Term { name, nodes_per_group: 4, nodes, couples: true, build })
 }
 
