@@ -113,7 +113,7 @@ impl Prepared {
         }
         lap(STAGES[0]);
         let effects = ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells };
-        let made = match (&scene.surfaces, scene.deformable) {
+        let mut made = match (&scene.surfaces, scene.deformable) {
             (_, false) => None,
             (None, true) => {
                 let limb = match &sizes {
@@ -130,7 +130,8 @@ impl Prepared {
                 Some(made)
             }
         };
-        if made.is_some() {
+        if let Some(made) = &mut made {
+            scene.materials.apply(&mut made.thigh).map_err(CommandError::Option)?;
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());

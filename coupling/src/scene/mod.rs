@@ -17,6 +17,9 @@
 //! shells = true
 //! contact = "guarded"         # "guarded", "cheap" or "none"
 //!
+//! [materials]                 # constants of all muscles and of single ones: see [`materials`]
+//! aponeurosis_thickness_mm = 0.5
+//!
 //! [[step]]
 //! name = "heel_strike"
 //! [[step]]
@@ -26,6 +29,7 @@
 //!
 //! Every key has the default shown, `surfaces` and `knee_flexion_deg` none. Files are looked for beside the scene, then in `--data`.
 
+pub mod materials;
 mod resolved;
 mod words;
 
@@ -42,6 +46,7 @@ use toml::Spanned;
 use crate::compare::StressFree;
 use crate::steps::StepName;
 use crate::thigh::lines::lines_of_muscles;
+use materials::{Materials, MaterialsEntry};
 
 /// The scene of a run without one.
 const WALKER: &str = include_str!("../../../gait-data/scenes/walker.toml");
@@ -114,6 +119,8 @@ pub struct Scene {
     pub shells: bool,
     /// Contact; `None`: surfaces do not see each other.
     pub contact: Option<ContactMode>,
+    /// Material constants that the scene gives.
+    pub materials: Materials,
     /// Steps, in the order of time.
     pub steps: Vec<StepSpec>,
 }
@@ -132,6 +139,8 @@ struct SceneFile {
     accuracy: AccuracyEntry,
     #[serde(default)]
     effects: EffectsEntry,
+    #[serde(default)]
+    materials: MaterialsEntry,
     step: Option<Vec<StepEntry>>,
 }
 
@@ -235,6 +244,14 @@ impl Scene {
             let remedy = "add the step heel_strike, or take the mesh as stress-free in standing";
             return Err(at.bad(line, "stress_free", "heel_strike without that step", remedy));
         }
+        let shells = scene.effects.shells.unwrap_or(true);
+        let mut wrong = Vec::new();
+        let materials = scene.materials.check(&muscles, shells, &mut |byte, key, value, remedy| {
+            wrong.push(at.bad(at.line(byte), key, value, remedy));
+        });
+        if let Some(first) = wrong.into_iter().next() {
+            return Err(first);
+        }
         let natural = if at_heel_strike { Fibres::Thermal } else { Fibres::Hill };
         Ok(Scene {
             name: file.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned()),
@@ -249,12 +266,13 @@ impl Scene {
             residuals,
             stress_free,
             fibres: scene.effects.fibres.unwrap_or(natural),
-            shells: scene.effects.shells.unwrap_or(true),
+            shells,
             contact: match scene.effects.contact.unwrap_or(ContactChoice::Guarded) {
                 ContactChoice::Guarded => Some(ContactMode::Guarded),
                 ContactChoice::Cheap => Some(ContactMode::Cheap),
                 ContactChoice::None => None,
             },
+            materials,
             steps,
         })
     }
