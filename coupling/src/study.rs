@@ -188,10 +188,11 @@ impl Prepared {
     /// Meshes the thigh. `lap` is called as that ends.
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CommandError> {
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
-        let made = limb
+        let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects(&scene)))
             .transpose()?;
-        if made.is_some() {
+        if let Some(made) = &mut made {
+            scene.materials.apply(&mut made.thigh).map_err(CommandError::Option)?;
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());

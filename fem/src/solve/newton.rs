@@ -123,7 +123,7 @@ impl Run<'_> {
                     continue;
                 }
                 // Round-off, not the mechanics, ends the descent a little above the estimate.
-                Err(_) if residual.max(wanted) <= 100.0 * round_off(self.k, x) => {
+                Err(_) if wanted.min(0.01 * residual) <= round_off(self.k, x) => {
                     let reason = self.round_off(x, residual, wanted);
                     return Err(self.failure(potential, x, reason, iteration, &g));
                 }
@@ -282,7 +282,6 @@ impl Run<'_> {
             island: self.name.clone(),
             step: self.step,
             load: 0.0, // the caller knows
-            loose: false,
             reason,
             iterations,
             residual: norm(g),

@@ -237,10 +237,8 @@ pub struct NotConverged {
     pub island: String,
     /// Step of the run.
     pub step: usize,
-    /// Load of the last equilibrium; its positions are kept.
+    /// Load of the last equilibrium to the tolerance that was asked for; its positions are kept.
     pub load: f64,
-    /// Whether that one is looser than was asked for, to 5 % of the forces in play: a load step that was cut short on its way.
-    pub loose: bool,
     /// What stopped the last attempt to go farther.
     pub reason: Reason,
     /// Newton iterations of that attempt.
@@ -257,16 +255,11 @@ pub struct NotConverged {
 
 impl std::fmt::Display for NotConverged {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let NotConverged { island, step, load, loose, reason, iterations, residual, wanted, det_f, place } =
-            self;
+        let NotConverged { island, step, load, reason, iterations, residual, wanted, det_f, place } = self;
         write!(
             f,
             "`{island}`, step {step}: not converged beyond load {load:.4}: {reason}; after {iterations} iterations the \
              residual was {residual:.2e} N, wanted {wanted:.1e} N; least det F = {det_f:.2e} in {place}"
-        )?;
-        match loose {
-            true => write!(f, "; at load {load:.4} there is equilibrium to 5 % of the forces only"),
-            false => Ok(()),
-        }
+        )
     }
 }

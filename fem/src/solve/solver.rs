@@ -181,7 +181,8 @@ impl Solver {
         };
         let (mut t, mut length) = (0.0, settings.first_step);
         let mut good = x.to_vec();
-        let mut loose = false;
+        // The last equilibrium to the tolerance; where a load step was cut short the way goes on from a looser one.
+        let (mut settled, mut settled_at) = (x.to_vec(), 0.0);
         while t < 1.0 {
             let target = if t + length > 1.0 - 1e-9 { 1.0 } else { t + length };
             let before = run.report.iterations;
@@ -189,8 +190,11 @@ impl Solver {
                 Ok(reached) => {
                     run.report.load_steps += 1;
                     t = reached;
-                    loose = reached < target;
                     good.copy_from_slice(x);
+                    if reached == target {
+                        settled.copy_from_slice(x);
+                        settled_at = t;
+                    }
                     // Where contact cut the step short its length was no fault of Newton's method.
                     if reached == target && run.report.iterations - before <= 12 {
                         length *= 2.0;
@@ -208,7 +212,9 @@ impl Solver {
                     tracing::info!(island = %run.name, step, load = target, reason = %failure.reason, "load step fails, retry");
                     let hopeless = matches!(failure.reason, Reason::NotFinite | Reason::Work { .. });
                     if length < settings.least_step || hopeless {
-                        let stop = NotConverged { load: t, loose, ..*failure };
+                        x.copy_from_slice(&settled);
+                        potential.set_load(settled_at, x);
+                        let stop = NotConverged { load: settled_at, ..*failure };
                         return Err(SolveError::NotConverged(Box::new(stop)));
                     }
                 }
