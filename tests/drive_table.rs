@@ -1,6 +1,8 @@
 //! A prescribed motion as a table: does a block that is turned by one stay free of stress, is the way between its rows the right one, and are
 //! all mistakes of a file told with their lines?
 
+#![allow(non_snake_case)]
+
 use fem::measure::solid_field;
 use fem::mesh::generate;
 use fem::plan::Plan;
