@@ -22,7 +22,7 @@ pub fn files(folder: &Path) -> BTreeMap<String, PathBuf> {
     found
 }
 
-/// What all files but `run.json` and the marker of the folder (which process it was) say, without the seconds that a run took.
+/// What all files but `run.json` and the marker of the folder say, without the seconds that a run took.
 pub fn files_without_times(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let all = files(folder).into_iter().filter(|(name, _)| name != "run.json" && name != ".sartorius");
     all.map(|(name, path)| (name.clone(), timeless(&name, &path))).collect()

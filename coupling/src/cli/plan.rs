@@ -113,7 +113,7 @@ fn print(
     if !exact && *elements > 0 {
         writeln!(
             w,
-            "estimated: counted on a draft of the mesh, right to 2 %; --exact makes the mesh, counts on it and finds surfaces that overlap"
+            "estimated: counted on a draft of the mesh, right to 4 %; --exact makes the mesh, counts on it and finds surfaces that overlap"
         )?;
     }
     writeln!(

@@ -109,11 +109,6 @@ impl InputFile {
         let mut digest = Sha256::new();
         let mut bytes = 0;
         let mut read = || -> io::Result<()> {
-            if let Some(text) = multibody::shipped::text(path) {
-                digest.update(text);
-                bytes = text.len() as u64;
-                return Ok(());
-            }
             let mut file = File::open(path)?;
             let mut buffer = vec![0; 1 << 16];
             loop {
@@ -161,7 +156,7 @@ impl Again {
         while let Some(argument) = typed.next() {
             match argument.as_str() {
                 "--out" => drop(typed.next()),
-                "--json" => {}
+                "--json" | "--force" | "--quiet" | "-q" => {}
                 other if other.starts_with("--out=") => {}
                 _ => arguments.push(argument.clone()),
             }
