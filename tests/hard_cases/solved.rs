@@ -5,8 +5,9 @@
 
 use super::judge::judged_run;
 use crate::{Case, Outcome, Tier};
-use fem::plan::Plan;
+use fem::plan::{Plan, SceneError};
 use fem::run::{Drive, DriveFrame};
+use fem::solve::SolveError;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
@@ -41,6 +42,8 @@ struct Verdict {
     ending: Ending,
     /// Worst residual of what was called solved, relative to what was asked for.
     worst: f64,
+    /// Whether its last good state has an inverted cell.
+    inverted: bool,
     /// What is wrong.
     mistakes: Vec<String>,
 }
@@ -59,7 +62,7 @@ fn random_scenes(seeds: Range<u64>, hang: u64) -> Outcome {
             }
         }
     });
-    let (mut refused, mut solved, mut not_converged, mut worst) = (0, 0, 0, 0.0_f64);
+    let (mut refused, mut solved, mut not_converged, mut inverted, mut worst) = (0, 0, 0, 0, 0.0_f64);
     let mut mistakes = Vec::new();
     for seed in seeds {
         let name = || format!("seed {seed} [{}]", random_scene(seed).what);
@@ -72,6 +75,7 @@ fn random_scenes(seeds: Range<u64>, hang: u64) -> Outcome {
             continue;
         };
         worst = worst.max(verdict.worst);
+        inverted += usize::from(verdict.inverted);
         let how = match verdict.ending {
             Ending::Refused(why) => {
                 refused += 1;
@@ -94,7 +98,9 @@ fn random_scenes(seeds: Range<u64>, hang: u64) -> Outcome {
     mistakes.iter().for_each(|mistake| println!("{mistake}"));
     let counts = format!("{solved} solved, {not_converged} not converged, {refused} refused");
     match mistakes.first() {
-        None => Ok(format!("{counts}; worst residual {worst:.3} of what was asked")),
+        None => Ok(format!(
+            "{counts}; worst residual {worst:.3} of what was asked; {inverted} last good states with an inverted cell"
+        )),
         Some(first) => Err(format!("{counts}; {} mistakes, the first: {first}", mistakes.len())),
     }
 }
@@ -107,21 +113,29 @@ fn range(text: &str) -> Option<Range<u64>> {
 }
 
 fn verdict(random: &RandomScene) -> Verdict {
+    let refused = |why: String| Verdict {
+        ending: Ending::Refused(why),
+        worst: 0.0,
+        inverted: false,
+        mistakes: Vec::new(),
+    };
     let plan = match Plan::new(&random.scene, random.mesh.clone()) {
         Ok(plan) => plan,
-        Err(why) => {
-            return Verdict { ending: Ending::Refused(why.to_string()), worst: 0.0, mistakes: Vec::new() };
-        }
+        Err(why) => return refused(why.to_string()),
     };
     let frame = |target: &Target| {
-        let load = plan.load(&target.controls, &target.poses).expect("finite values of known names");
-        DriveFrame { time: target.time, load }
+        let load = plan.load(&target.controls, &target.poses)?;
+        Ok(DriveFrame { time: target.time, load })
     };
-    let drive = Drive { frames: random.frames.iter().map(frame).collect() };
+    let drive = match random.frames.iter().map(frame).collect::<Result<_, SceneError>>() {
+        Ok(frames) => Drive { frames },
+        Err(why) => return refused(why.to_string()),
+    };
     let (run, judge) = judged_run(&random.scene, &plan, &drive, &random.settings);
     let ending = match run.errors.first() {
         None => Ending::Solved,
+        Some(error @ SolveError::Settings { .. }) => Ending::Refused(error.to_string()),
         Some(error) => Ending::NotConverged(error.to_string()),
     };
-    Verdict { ending, worst: judge.worst, mistakes: judge.mistakes }
+    Verdict { ending, worst: judge.worst, inverted: judge.inverted, mistakes: judge.mistakes }
 }

@@ -69,6 +69,9 @@ pub fn random_scene(seed: u64) -> RandomScene {
     }
     maker.drive();
     maker.settings();
+    if maker.random.chance(0.06) {
+        maker.nonsense();
+    }
     maker.out
 }
 
@@ -513,6 +516,56 @@ impl Maker {
         }
     }
 
+    /// One number that cannot be.
+    fn nonsense(&mut self) {
+        let random = &mut self.random;
+        let wrong = pick(random, &[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0]);
+        let settings = &mut self.out.settings;
+        let what = match random.below(9) {
+            0 => {
+                settings.tolerance = wrong;
+                "tolerance"
+            }
+            1 => {
+                settings.first_step = wrong;
+                "first step"
+            }
+            2 => {
+                settings.least_step = wrong;
+                "least step"
+            }
+            3 => {
+                settings.least_force = wrong;
+                "least force"
+            }
+            4 => {
+                settings.max_iterations = 0;
+                "iterations"
+            }
+            5 => {
+                settings.max_work = random.below(4);
+                "work"
+            }
+            6 if self.out.scene.gravity.is_some() => {
+                self.out.scene.gravity = self.out.scene.gravity.take().map(|mut gravity| {
+                    gravity.acceleration[1] = wrong;
+                    gravity
+                });
+                "gravity"
+            }
+            7 if !self.out.scene.pressures.is_empty() => {
+                self.out.scene.pressures[0].origin[0] = wrong;
+                "origin"
+            }
+            _ => {
+                let poses = self.out.frames.iter_mut().flat_map(|frame| &mut frame.poses);
+                poses.for_each(|(_, pose)| pose.translation.x = wrong);
+                "pose"
+            }
+        };
+        self.say(format!("{what} = {wrong}"));
+    }
+
     fn settings(&mut self) {
         let random = &mut self.random;
         let tolerance = if random.chance(0.4) { 1e-6 } else { random.power(-12.0, -1.0) };
@@ -524,7 +577,7 @@ impl Maker {
             tolerance,
             least_force,
             max_iterations: pick(random, &[60, 60, 60, 1, 3, 20, 300]),
-            first_step: pick(random, &[1.0, 1.0, 2.0, 0.3, 0.01, 1e-3]),
+            first_step: pick(random, &[1.0, 1.0, 1.0, 0.3, 0.01, 1e-3]),
             least_step: pick(random, &[1e-4, 1e-4, 1e-2, 1.0, 1e-8]),
             double_precision_factor: random.chance(0.2),
             stability: pick(random, &[Stability::WhereDoubtful, Stability::Always, Stability::Never]),

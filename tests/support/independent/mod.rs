@@ -106,9 +106,15 @@ impl<'a> Independent<'a> {
                 continue;
             };
             for (&n, f) in term.groups[g].iter().zip(&forces) {
-                add(&mut total, n, *f);
+                let mut f = *f;
+                if matches!(term.kind, Kind::Pressure { .. } | Kind::Dead { .. }) {
+                    // What a load puts on supports does not count as a force in play.
+                    let prescribed = |c: &usize| self.components[n as usize][*c] == Component::Prescribed;
+                    (0..3).filter(prescribed).for_each(|c| f[c] = Wide::ZERO);
+                }
+                add(&mut total, n, f);
                 if !matches!(term.kind, Kind::Solid { .. }) {
-                    add(of_term.entry(t).or_default(), n, *f);
+                    add(of_term.entry(t).or_default(), n, f);
                 }
             }
         }
