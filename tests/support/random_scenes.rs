@@ -554,7 +554,7 @@ impl Maker {
                 "gravity"
             }
             7 if !self.out.scene.pressures.is_empty() => {
-                self.out.scene.pressures[0].origin[0] = wrong;
+                self.out.scene.pressures[0].origin = Some([wrong; 3]);
                 "origin"
             }
             _ => {
