@@ -25,6 +25,8 @@ pub struct Command {
     pub share: f64,
     /// What a message may name in place of the damaged file.
     pub names: Vec<&'static str>,
+    /// Only where the command before refused the file: what is good would take long.
+    pub if_refused: bool,
 }
 
 /// A sound file, and what reads it.
@@ -67,7 +69,12 @@ pub fn all() -> Vec<Kind> {
 }
 
 fn command(line: &str, share: f64) -> Command {
-    Command { words: line.split(' ').map(str::to_string).collect(), share, names: Vec::new() }
+    Command {
+        words: line.split(' ').map(str::to_string).collect(),
+        share,
+        names: Vec::new(),
+        if_refused: false,
+    }
 }
 
 fn base(file: &str, bytes: Vec<u8>, text: bool, commands: Vec<Command>) -> Base {
@@ -202,8 +209,9 @@ fn scene(_: &Path) -> Vec<Base> {
         ),
     ];
     let of = |(file, text): (&str, String)| {
-        let share = if file == "rigid.toml" { 0.05 } else { 0.002 };
-        let commands = vec![command(&format!("check {file}"), 1.0), command(&format!("plan {file}"), share)];
+        let mut plan = command(&format!("plan {file}"), 0.3);
+        plan.if_refused = true;
+        let commands = vec![command(&format!("check {file}"), 1.0), plan];
         base(file, text.into_bytes(), true, commands)
     };
     texts.into_iter().map(of).collect()

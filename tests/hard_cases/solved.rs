@@ -42,6 +42,8 @@ struct Verdict {
     ending: Ending,
     /// Worst residual of what was called solved, relative to what was asked for.
     worst: f64,
+    /// Whether its last good state has an inverted cell.
+    inverted: bool,
     /// What is wrong.
     mistakes: Vec<String>,
 }
@@ -60,7 +62,7 @@ fn random_scenes(seeds: Range<u64>, hang: u64) -> Outcome {
             }
         }
     });
-    let (mut refused, mut solved, mut not_converged, mut worst) = (0, 0, 0, 0.0_f64);
+    let (mut refused, mut solved, mut not_converged, mut inverted, mut worst) = (0, 0, 0, 0, 0.0_f64);
     let mut mistakes = Vec::new();
     for seed in seeds {
         let name = || format!("seed {seed} [{}]", random_scene(seed).what);
@@ -73,6 +75,7 @@ fn random_scenes(seeds: Range<u64>, hang: u64) -> Outcome {
             continue;
         };
         worst = worst.max(verdict.worst);
+        inverted += usize::from(verdict.inverted);
         let how = match verdict.ending {
             Ending::Refused(why) => {
                 refused += 1;
@@ -95,7 +98,9 @@ fn random_scenes(seeds: Range<u64>, hang: u64) -> Outcome {
     mistakes.iter().for_each(|mistake| println!("{mistake}"));
     let counts = format!("{solved} solved, {not_converged} not converged, {refused} refused");
     match mistakes.first() {
-        None => Ok(format!("{counts}; worst residual {worst:.3} of what was asked")),
+        None => Ok(format!(
+            "{counts}; worst residual {worst:.3} of what was asked; {inverted} last good states with an inverted cell"
+        )),
         Some(first) => Err(format!("{counts}; {} mistakes, the first: {first}", mistakes.len())),
     }
 }
@@ -108,7 +113,12 @@ fn range(text: &str) -> Option<Range<u64>> {
 }
 
 fn verdict(random: &RandomScene) -> Verdict {
-    let refused = |why: String| Verdict { ending: Ending::Refused(why), worst: 0.0, mistakes: Vec::new() };
+    let refused = |why: String| Verdict {
+        ending: Ending::Refused(why),
+        worst: 0.0,
+        inverted: false,
+        mistakes: Vec::new(),
+    };
     let plan = match Plan::new(&random.scene, random.mesh.clone()) {
         Ok(plan) => plan,
         Err(why) => return refused(why.to_string()),
@@ -127,5 +137,5 @@ fn verdict(random: &RandomScene) -> Verdict {
         Some(error @ SolveError::Settings { .. }) => Ending::Refused(error.to_string()),
         Some(error) => Ending::NotConverged(error.to_string()),
     };
-    Verdict { ending, worst: judge.worst, mistakes: judge.mistakes }
+    Verdict { ending, worst: judge.worst, inverted: judge.inverted, mistakes: judge.mistakes }
 }

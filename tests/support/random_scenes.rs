@@ -554,7 +554,7 @@ impl Maker {
                 "gravity"
             }
             7 if !self.out.scene.pressures.is_empty() => {
-                self.out.scene.pressures[0].origin = Some([wrong, 0.0, 0.0]);
+                self.out.scene.pressures[0].origin = Some([wrong; 3]);
                 "origin"
             }
             _ => {

@@ -222,9 +222,10 @@ pub enum MeshError {
     },
 }
 
-/// A reason that ends in a remedy: its own after a semicolon or in a question, else what always helps.
+/// A reason that ends in a remedy: its own after a semicolon or in a question, else what always helps. What it quotes says neither.
 fn with_remedy(reason: &str) -> String {
-    match reason.contains([';', '?']) {
+    let has_own = reason.split('`').step_by(2).any(|said| said.contains("; ") || said.contains('?'));
+    match has_own {
         true => reason.to_string(),
         false => format!("{reason}; repair the file there, or export it again"),
     }
