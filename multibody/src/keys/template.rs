@@ -34,8 +34,7 @@ impl Filled {
 
 /// Every key of the table: those that are known or have a default as `key = value`, the others commented out.
 pub fn template(keys: &[Key], filled: &Filled) -> String {
-    let mut text: String =
-        filled.heading.iter().map(|line| format!("# {line}").trim_end().to_string() + "\n").collect();
+    let mut text: String = filled.heading.iter().map(|line| comment(line)).collect();
     values(&mut text, keys, "", "", filled, false);
     for section in keys.iter().filter(|k| k.is_section()) {
         match section.kind {
@@ -79,6 +78,12 @@ pub fn template(keys: &[Key], filled: &Filled) -> String {
     text
 }
 
+/// A line of a comment: what a recording says may hold anything, and a comment ends with its line.
+fn comment(line: &str) -> String {
+    let plain: String = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    format!("# {plain}").trim_end().to_string() + "\n"
+}
+
 fn head(text: &mut String, section: &Key, filled: &Filled, commented: bool) {
     let path = section.path;
     let (open, close) = if matches!(section.kind, Kind::Sections) { ("[[", "]]") } else { ("[", "]") };
@@ -94,7 +99,7 @@ fn head(text: &mut String, section: &Key, filled: &Filled, commented: bool) {
 
 fn notes(text: &mut String, filled: &Filled, path: &str) {
     for line in filled.notes.get(path).into_iter().flatten() {
-        *text += &format!("# {line}\n");
+        *text += &comment(line);
     }
 }
 

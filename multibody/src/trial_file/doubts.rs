@@ -36,9 +36,13 @@ pub(super) fn examine(
     if wrong.keep(size(file, recorded, tracks)).is_none() {
         return; // every other bound is a length
     }
+    let before = wrong.len();
     exchanges_in_time(recorded, &all, wrong);
     if wrong.keep(axes_and_sides(file, recorded, &all)).is_some() {
         landmark_sides(file, recorded, &all, wrong);
+    }
+    if wrong.len() > before {
+        return; // markers with each other's names do not move with their segment either
     }
     rigidity(recorded, tracks, wrong);
 }
