@@ -44,7 +44,7 @@ fn report(small: &Small) -> CompareReport<'_> {
         name: "two <glutei>",
         thigh: &small.study.thigh,
         bones: &small.prepared.made.as_ref().unwrap().bones,
-        mid_thigh: 0.07, // where the glutei are
+        mid_thigh: small.prepared.mid_thigh(), // far from the glutei
         steps: &small.prepared.steps,
         configurations: [computed(0), computed(1)],
         settings: &[],
@@ -220,6 +220,20 @@ fn distance(surface: &Surface, p: &Vector3<f64>) -> f64 {
     (0..surface.triangles.len()).map(of).fold(f64::INFINITY, f64::min)
 }
 
+/// The glutei end above the middle of the thigh: the section is where they are, and all of them are in it.
+#[test]
+fn sections_are_placed_where_the_muscles_are() {
+    let page = compare_page(&report(small()));
+    let section =
+        page.split("id=\"sections-through-the-muscles\"").nth(1).unwrap().split("</section>").next().unwrap();
+    let figures: Vec<&str> = section.split("<svg class=\"slice\"").skip(1).collect();
+    assert_eq!(figures.len() % 4, 0, "two steps in two configurations at every height");
+    for name in ["gluteus minimus", "gluteus medius"] {
+        assert!(figures.iter().any(|f| f.contains(&format!("<title>{name}</title>"))), "{name}");
+    }
+    assert!(figures.iter().all(|f| f.contains("class=\"scale\"") && f.contains("50 mm</text>")));
+}
+
 /// Slider, rotation, colours and configurations change what is on the canvas; a change undone brings the picture back.
 #[test]
 fn the_viewer_turns_and_steps_in_a_browser() {
@@ -247,6 +261,19 @@ fn the_viewer_turns_and_steps_in_a_browser() {
         canvas.dispatchEvent(new Event("dblclick")); take("home");
         for (const field of ["von_mises", "pressure", "stretch", "contact", "overlap"]) { press("pick-field", field); take(field); }
         press("pick-field", "stretch"); press("pick-configuration", "0"); take("without");
+        const drag_to = (name, value) => {
+            const input = document.getElementById(name);
+            input.value = value;
+            input.dispatchEvent(new Event("input"));
+        };
+        press("pick-field", "contact"); press("pick-configuration", "1"); take("covered");
+        drag_to("see-through", 80); take("glass"); drag_to("see-through", 0); take("covered again");
+        press("pick-cut", "1"); take("cut"); drag_to("cut-at", 70); take("cut deeper");
+        const cut = document.getElementById("cut-name").textContent;
+        press("pick-cut", ""); take("whole again");
+        const scale = document.getElementById("scalebar").textContent;
+        const triad = document.getElementById("triad").textContent;
+        press("pick-field", "stretch"); press("pick-configuration", "0");
         press("pick-field", ""); take("plain");
         document.querySelector(".list button").click(); take("hidden");
         const gl = canvas.getContext("webgl2");
@@ -256,9 +283,11 @@ fn the_viewer_turns_and_steps_in_a_browser() {
         for (let i = 3; i < pixel.length; i += 4) painted += pixel[i] > 0;
         const same = (a, b) => pictures[a] === pictures[b];
         document.title = JSON.stringify({
-            labels, painted, error: gl.getError(), overflow: document.documentElement.scrollWidth - innerWidth,
-            same: [same("start", "again"), same("start", "back"), same("start", "turned back"), same("start", "home")],
+            labels, painted, cut, scale, triad, error: gl.getError(), overflow: document.documentElement.scrollWidth - innerWidth,
+            same: [same("start", "again"), same("start", "back"), same("start", "turned back"), same("start", "home"),
+                same("covered", "covered again"), same("covered", "whole again")],
             differ: ["step", "turned", "zoomed", "von_mises", "pressure", "stretch", "contact", "overlap"].map((n) => !same("start", n))
+                .concat([!same("covered", "glass"), !same("covered", "cut"), !same("cut", "cut deeper")])
                 .concat([!same("von_mises", "pressure"), !same("stretch", "without"), !same("plain", "hidden")]),
         });"#;
     for width in ["--window-size=1300,900", "--window-size=480,900"] {
@@ -268,6 +297,9 @@ fn the_viewer_turns_and_steps_in_a_browser() {
         let seen: Value =
             serde_json::from_str(&title).unwrap_or_else(|_| panic!("the script did not end: {title}"));
         assert_eq!(seen["labels"], serde_json::json!(["loading response", "heel strike"]), "{seen}");
+        for (key, wanted) in [("cut", "y = "), ("scale", " mm"), ("triad", "front"), ("triad", "right")] {
+            assert!(seen[key].as_str().unwrap().contains(wanted), "{key}: {seen}");
+        }
         assert!(seen["painted"].as_u64().unwrap() > 5000, "{seen}");
         assert_eq!(seen["error"], 0, "{seen}");
         assert!(seen["overflow"].as_f64().unwrap() <= 0.0, "{width}: {seen}");

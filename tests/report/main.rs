@@ -16,7 +16,7 @@ use coupling::output::write_optimize;
 use coupling::report::{Summary, optimize_page};
 use multibody::kinematics::ANGLES;
 use multibody::sharing::REACTIONS;
-use multibody::trial::{Status, Table};
+use multibody::trial::{Shortfall, Status, Table};
 use nalgebra::DMatrix;
 
 use html::{check_page, classed, parse_html};
@@ -265,26 +265,20 @@ fn curves_are_drawn_where_the_axes_say() {
 }
 
 #[test]
-fn frames_that_are_not_solved_appear_in_strip_and_text() {
+fn frames_that_are_not_solved_appear_in_band_and_text() {
     let walk = Walk::new().spoil();
     let page = optimize_page(&walk.report());
     let tags = check_page(&page);
-    let strip =
-        page.split("class=\"strip\" style=\"--n: 101\">").nth(1).unwrap().split("</div>").next().unwrap();
-    let letters: Vec<&str> = strip.split("</span>").filter_map(|cell| cell.rsplit('>').next()).collect();
-    assert_eq!(
-        letters[..FRAMES].concat(),
-        [
-            "S".repeat(50),
-            "III".into(),
-            "S".repeat(17),
-            "F".into(),
-            "S".repeat(9),
-            "MM".into(),
-            "S".repeat(19)
-        ]
-        .concat()
-    );
+    let band = page.split("<div class=\"band\"").nth(1).unwrap().split("</div>").next().unwrap();
+    let pieces: Vec<(usize, &str)> = band
+        .split("flex-grow:")
+        .skip(1)
+        .map(|piece| {
+            let frames = piece.split('"').next().unwrap().parse().unwrap();
+            (frames, piece.split("</span>").next().unwrap().rsplit('>').next().unwrap())
+        })
+        .collect();
+    assert_eq!(pieces, [(50, "S"), (3, "I"), (17, "S"), (1, "F"), (9, "S"), (2, "M"), (19, "S")]);
     assert!(page.contains("95 of 101 frames solved"));
     assert!(page.contains("3 infeasible, 1 failed, 2 without marker fit"));
     for text in
@@ -348,6 +342,49 @@ fn reserves_are_announced_per_coordinate() {
     check_page(&page);
     assert!(page.contains("Reserve moments carry up to 30 %") && page.contains("id=\"reserve-moments\""));
     assert!(!optimize_page(&Walk::new().report()).contains("Reserve moments carry"));
+}
+
+/// A long trial whose every frame lacks another moment is one row, with the largest; its page grows with the problems and not with the frames.
+#[test]
+fn one_row_per_problem_however_many_frames_it_lasts() {
+    let mut walk = Walk::new();
+    for (i, verdict) in walk.effort.verdicts.iter_mut().enumerate().take(60).skip(12) {
+        verdict.status = Status::Infeasible;
+        verdict.reason = Some(format!("hip_adduction lacks {i} N·m"));
+        verdict.shortfall = vec![Shortfall { coordinate: "hip_adduction".into(), missing: i as f64 / 10.0 }];
+        if i == 20 {
+            verdict.shortfall.push(Shortfall { coordinate: "knee_flexion".into(), missing: -0.5 });
+        }
+        verdict.saturated = vec![if i % 2 == 0 { "gmed1" } else { "gmin1" }.into()];
+    }
+    let page = optimize_page(&walk.report());
+    check_page(&page);
+    let table = page.split("Frames that are not solved").nth(1).unwrap().split("</table>").next().unwrap();
+    assert_eq!(table.matches("<tr>").count(), 2, "the header and one problem: {table}");
+    for text in [
+        "13–60",
+        "hip adduction lacks up to 5.90 N·m; knee flexion lacks −0.500 N·m in 1 of them",
+        "at their bound: gmed1, gmin1",
+        "worst, frame 60: hip_adduction lacks 59 N·m",
+    ] {
+        assert!(table.contains(text), "{text}: {table}");
+    }
+}
+
+/// Every figure says what its axes are, in which unit.
+#[test]
+fn axes_of_all_figures_have_titles() {
+    let page = optimize_page(&Walk::new().with_measured_knee().report());
+    let mut plots = 0;
+    for plot in page.split("<svg class=\"plot\"").skip(1) {
+        let plot = plot.split("</svg>").next().unwrap();
+        assert!(plot.contains(">% of gait cycle</text>"), "{plot}");
+        let title = plot.split("rotate(-90)\">").nth(1).unwrap().split('<').next().unwrap();
+        let unit = plot.split("data-unit=\"").nth(1).unwrap().split('"').next().unwrap();
+        assert!(title.len() > unit.len() + 2 && title.ends_with(unit), "{title}");
+        plots += 1;
+    }
+    assert!(plots > 60, "{plots}");
 }
 
 #[test]

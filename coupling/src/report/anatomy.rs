@@ -139,7 +139,9 @@ pub fn view(muscles: &[&MuscleBlock], bones: &[Bone], tendons: &[Vec<Vector3<f64
         };
         let _ = writeln!(out, "<path fill=\"{fill}\"{line} d=\"{}\"/>", frame.path(corners));
     }
-    out.push_str("</g>\n</svg>\n");
+    out.push_str("</g>\n");
+    out.push_str(&frame.scale_bar());
+    out.push_str("</svg>\n");
     out
 }
 
@@ -197,6 +199,7 @@ pub fn section(muscles: &[&MuscleBlock], bones: &[Bone], y: f64) -> String {
             escape(&muscle.name.replace('_', " "))
         );
     }
+    out.push_str(&frame.scale_bar());
     out.push_str("</svg>\n");
     out
 }
@@ -275,6 +278,20 @@ impl Frame {
             px(w),
             px(h),
             escape(title)
+        )
+    }
+
+    /// A bar below the picture, in its margin.
+    fn scale_bar(&self) -> String {
+        let length = if self.scale > 2000.0 { 20e-3 } else { 100e-3 };
+        let (end, y) = (MARGIN + self.scale * length, self.size[1] - 14.0);
+        format!(
+            "<path d=\"M{MARGIN} {}v4H{}v-4\" fill=\"none\" stroke=\"currentColor\" stroke-width=\"1.5\"/><text x=\"{}\" y=\"{}\">{:.0} mm</text>\n",
+            px(y),
+            px(end),
+            px(end + 8.0),
+            px(y + 6.0),
+            length * 1e3
         )
     }
 

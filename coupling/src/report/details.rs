@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::groups::grouped;
-use super::optimize::{Mark, View};
+use super::optimize::View;
 use super::page::{grid, label_table, section, table};
+use super::problems::{Mark, Run};
 use super::svg::{escape, extent, fixed};
 use super::{GRAVITY, column, greatest};
 use crate::subject::words;
@@ -37,32 +38,10 @@ impl View<'_> {
         section("Details", "", &content)
     }
 
-    /// Consecutive frames with the same trouble as one row.
+    /// A row per run of frames that are not solved.
     fn frames_not_solved(&self) -> String {
-        let marks = self.marks();
-        let trouble: Vec<(Mark, String)> = marks
-            .iter()
-            .enumerate()
-            .map(|(i, &mark)| (mark, if mark == Mark::Solved { String::new() } else { self.reason(i) }))
-            .collect();
-        let mut rows = Vec::new();
-        let mut from = 0;
-        for run in trouble.chunk_by(|a, b| a == b) {
-            let to = from + run.len() - 1;
-            if run[0].0 != Mark::Solved {
-                let time = &self.report.effort.time;
-                let (frames, when) = if from == to {
-                    (format!("{}", from + 1), self.when(time[from]))
-                } else {
-                    (
-                        format!("{}–{}", from + 1, to + 1),
-                        format!("{} to {}", self.when(time[from]), self.when(time[to])),
-                    )
-                };
-                rows.push(vec![frames, when, run[0].0.look().2.into(), run[0].1.clone()]);
-            }
-            from = to + 1;
-        }
+        let row = |run: &Run| vec![run.numbers(), self.span(run), run.mark.words().into(), run.why.clone()];
+        let rows: Vec<Vec<String>> = self.runs.iter().filter(|r| r.mark != Mark::Solved).map(row).collect();
         if rows.is_empty() {
             return String::new();
         }

@@ -33,11 +33,18 @@ fn capital(text: &str) -> String {
 }
 
 impl View<'_> {
-    fn plot<'b>(&'b self, title: impl Into<String>, unit: &'static str, lines: Vec<Line<'b>>) -> Plot<'b> {
+    /// `axis`: what the values are, and their unit.
+    fn plot<'b>(
+        &'b self,
+        title: impl Into<String>,
+        axis: [&'static str; 2],
+        lines: Vec<Line<'b>>,
+    ) -> Plot<'b> {
         Plot {
             title: title.into(),
             note: String::new(),
-            unit,
+            quantity: axis[0],
+            unit: axis[1],
             axis: &self.axis,
             lines,
             size: Size::Normal,
@@ -51,7 +58,7 @@ impl View<'_> {
     /// A figure in N with body weights on the right.
     fn force_plot<'b>(&'b self, title: impl Into<String>, lines: Vec<Line<'b>>) -> String {
         let right = Some(RightAxis { per_unit: self.report.body_weight(), unit: "body weights" });
-        Plot { right, ..self.plot(title, "N", lines) }.render()
+        Plot { right, ..self.plot(title, ["force", "N"], lines) }.render()
     }
 
     pub(super) fn knee(&self) -> String {
@@ -147,7 +154,7 @@ impl View<'_> {
         &self,
         table: &Table,
         scale: f64,
-        unit: &'static str,
+        axis: [&'static str; 2],
         missing: &dyn Fn(usize) -> bool,
     ) -> Vec<String> {
         let joint = |name: &str| match name.split_once('_').map_or(name, |(joint, _)| joint) {
@@ -175,7 +182,7 @@ impl View<'_> {
                         values: values.map(|(i, v)| if missing(i) { f64::NAN } else { v * scale }).collect(),
                     }
                 });
-                self.plot(capital(this), unit, lines.collect()).render()
+                self.plot(capital(this), axis, lines.collect()).render()
             })
             .collect()
     }
@@ -188,10 +195,10 @@ impl View<'_> {
             values: motion.angles.values.rows(frames.start, frames.len()).into_owned(),
         };
         let failed = |i: usize| motion.fit[frames.start + i].failure.is_some();
-        let mut figures = self.by_joint(&reported, 1_f64.to_degrees(), "deg", &failed);
+        let mut figures = self.by_joint(&reported, 1_f64.to_degrees(), ["angle", "deg"], &failed);
         let rms: Vec<f64> = motion.fit[frames.clone()].iter().map(|f| f.marker_rms * 1e3).collect();
         let line = Line { name: "residual".into(), class: "c1", time: None, values: rms };
-        figures.push(self.plot("Marker residual, RMS over markers", "mm", vec![line]).render());
+        figures.push(self.plot("Marker residual, RMS over markers", ["residual", "mm"], vec![line]).render());
         section(
             "Joint angles and marker fit",
             "Posture of least marker error under the joint constraints. Positive: flexion, adduction, inversion, internal rotation; pelvis: front up, right side down, right side forward.",
@@ -212,8 +219,8 @@ impl View<'_> {
         figures.push(self.centre_of_pressure());
         let free: Vec<f64> = loads.free_moment.iter().map(|m| m.y).collect();
         let free = Line { name: "free moment".into(), class: "c1", time: Some(&loads.time), values: free };
-        figures.push(self.plot("Free moment, up", "N·m", vec![free]).render());
-        for figure in self.by_joint(&loads.moments, 1.0, "N·m", &|_| false) {
+        figures.push(self.plot("Free moment, up", ["moment", "N·m"], vec![free]).render());
+        for figure in self.by_joint(&loads.moments, 1.0, ["moment", "N·m"], &|_| false) {
             figures.push(figure.replacen("</b>", " moment</b>", 1));
         }
         section(
@@ -238,7 +245,7 @@ impl View<'_> {
             let values = (0..loads.time.len()).map(place).collect();
             Line { name: name.into(), class: colour(name, axis), time: Some(&loads.time), values }
         });
-        self.plot("Centre of pressure, from its start", "mm", lines.into()).render()
+        self.plot("Centre of pressure, from its start", ["way", "mm"], lines.into()).render()
     }
 
     pub(super) fn muscle_forces(&self) -> String {
@@ -270,7 +277,7 @@ impl View<'_> {
             note,
             size: Size::Small,
             bound: strength.map(|f| (f, "strength")),
-            ..self.plot(name.clone(), "N", vec![line])
+            ..self.plot(name.clone(), ["force", "N"], vec![line])
         }
         .render()
     }
@@ -362,12 +369,14 @@ impl View<'_> {
         let residuals = Plot {
             scale: Scale::Log,
             bound: Some((KKT_TOLERANCE, "tolerance")),
-            ..self.plot("Residuals", "", vec![kkt, equality])
+            ..self.plot("Residuals", ["relative residual", ""], vec![kkt, equality])
         };
-        let mut figures =
-            vec![residuals.render(), self.plot("Bounds that hold", "count", vec![bounds]).render()];
+        let mut figures = vec![
+            residuals.render(),
+            self.plot("Bounds that hold", ["number of bounds", ""], vec![bounds]).render(),
+        ];
         let iterations = line("iterations", "c4", values(&|v| f64::from(v.iterations)));
-        figures.push(self.plot("Solver iterations", "count", vec![iterations]).render());
+        figures.push(self.plot("Solver iterations", ["number of iterations", ""], vec![iterations]).render());
         section(
             "Quality of the solution",
             "Relative residuals, recomputed from the answers and not the solver's word.",

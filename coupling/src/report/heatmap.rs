@@ -74,7 +74,7 @@ pub fn heatmap(title: &str, axis: &TimeAxis, blocks: &[Block]) -> String {
     let middle = px((LEFT + RIGHT) / 2.0);
     let _ = write!(body, r#"<text class="mid" x="{middle}" y="{}">{unit}</text>"#, px(top + 29.0));
     format!(
-        r#"<figure class="heat"><svg class="heatmap" viewBox="0 0 {} {}" role="img" aria-label="{}" data-frame="{} {}">{body}</svg></figure>"#,
+        r#"<figure class="heat wide"><svg class="heatmap" viewBox="0 0 {} {}" role="img" aria-label="{}" data-frame="{} {}">{body}</svg></figure>"#,
         px(WIDTH),
         px(top + 34.0),
         escape(title),

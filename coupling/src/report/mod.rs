@@ -15,6 +15,7 @@ pub mod mesh;
 mod optimize;
 pub mod page;
 pub mod plot;
+pub mod problems;
 pub mod reserves;
 pub mod svg;
 

@@ -3,17 +3,17 @@
 use std::fmt::Write;
 
 use multibody::sharing::KKT_TOLERANCE;
-use multibody::trial::{FitVerdict, Status, Verdict};
 
 use super::page::document;
 use super::plot::TimeAxis;
+use super::problems::{Mark, Run, runs};
 use super::svg::{escape, fixed, significant};
 use super::{OptimizeReport, Reserve, STANCE_THRESHOLD, Summary};
 
 /// The whole page. All tables of the report have one row per reported frame.
 pub fn optimize_page(report: &OptimizeReport) -> String {
     let summary = Summary::of(report);
-    let view = View { report, axis: time_axis(report), summary };
+    let view = View { report, axis: time_axis(report), summary, runs: runs(report.motion, report.effort) };
     let body = [
         view.headline(),
         view.knee(),
@@ -35,28 +35,17 @@ pub(super) struct View<'a> {
     pub(super) report: &'a OptimizeReport<'a>,
     pub(super) axis: TimeAxis,
     pub(super) summary: Summary,
+    /// How the frames ended, in order.
+    pub(super) runs: Vec<Run>,
 }
 
-/// How one frame ended, as shown in the strip.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Mark {
-    Solved,
-    Infeasible,
-    Failed,
-    NotFitted,
-}
-
-impl Mark {
-    const ALL: [Mark; 4] = [Mark::Solved, Mark::Infeasible, Mark::Failed, Mark::NotFitted];
-
-    /// Style class, letter, words.
-    pub(super) fn look(self) -> (&'static str, char, &'static str) {
-        match self {
-            Mark::Solved => ("s", 'S', "solved"),
-            Mark::Infeasible => ("i", 'I', "infeasible"),
-            Mark::Failed => ("f", 'F', "failed"),
-            Mark::NotFitted => ("m", 'M', "markers not fitted"),
-        }
+/// Style class and letter of how a frame ended.
+pub(super) fn look(mark: Mark) -> (&'static str, char) {
+    match mark {
+        Mark::Solved => ("s", 'S'),
+        Mark::Infeasible => ("i", 'I'),
+        Mark::Failed => ("f", 'F'),
+        Mark::NotFitted => ("m", 'M'),
     }
 }
 
@@ -87,18 +76,6 @@ impl View<'_> {
             Some(p) => format!("{} % ({} s)", fixed(p, 0), fixed(t, 3)),
             None => format!("{} s", fixed(t, 3)),
         }
-    }
-
-    pub(super) fn marks(&self) -> Vec<Mark> {
-        let motion = self.report.motion;
-        let fits = &motion.fit[motion.report.clone()];
-        let mark = |(verdict, fit): (&Verdict, &FitVerdict)| match (fit.failure.is_some(), verdict.status) {
-            (true, _) => Mark::NotFitted,
-            (_, Status::Solved) => Mark::Solved,
-            (_, Status::Infeasible) => Mark::Infeasible,
-            (_, Status::Failed) => Mark::Failed,
-        };
-        self.report.effort.verdicts.iter().zip(fits).map(mark).collect()
     }
 
     fn headline(&self) -> String {
@@ -134,7 +111,7 @@ impl View<'_> {
             );
         }
         out.push_str(&self.tiles());
-        out.push_str(&self.strip());
+        out.push_str(&self.band());
         out.push_str("</header>\n");
         out
     }
@@ -191,35 +168,46 @@ impl View<'_> {
         found.and_then(|j| self.report.muscles.get(j)).map_or(muscle.into(), |m| m.full_name.clone())
     }
 
-    /// One cell per frame: colour, letter, and the reason in its title.
-    fn strip(&self) -> String {
-        let marks = self.marks();
-        // Rows of equal length on a wide screen, where about this many cells fit; the style sheet breaks them further.
-        let rows = marks.len().div_ceil(105).max(1);
+    /// One piece per run of frames that ended the same way, as long as it lasts: colour, letter, and the reason in its title.
+    fn band(&self) -> String {
+        let time = &self.report.effort.time;
+        let frames = |mark: Mark| {
+            self.runs.iter().filter(move |r| r.mark == mark).map(|r| r.frames.len()).sum::<usize>()
+        };
         let mut out = format!(
-            "<h3>Verdict per frame</h3>\n<div class=\"strip\" style=\"--n: {}\">",
-            marks.len().div_ceil(rows)
+            "<h3>Verdict over time</h3>\n<div class=\"band\" role=\"img\" aria-label=\"{} of {} frames solved; the table below says which are not\">",
+            frames(Mark::Solved),
+            time.len()
         );
-        for (i, mark) in marks.iter().enumerate() {
-            let (class, letter, words) = mark.look();
-            let verdict = &self.report.effort.verdicts[i];
-            let reason = if *mark == Mark::Solved {
-                format!("KKT residual {}", significant(verdict.kkt_residual, 2))
-            } else {
-                self.reason(i)
-            };
-            let when = self.when(self.report.effort.time[i]);
-            let title = format!("frame {}, {when}: {words}. {reason}", i + 1);
-            let _ = write!(out, "<span class=\"{class}\" title=\"{}\">{letter}</span>", escape(&title));
+        for run in &self.runs {
+            let (class, letter) = look(run.mark);
+            let title =
+                format!("frames {}, {}: {}. {}", run.numbers(), self.span(run), run.mark.words(), run.why);
+            let _ = write!(
+                out,
+                "<span class=\"{class}\" style=\"flex-grow:{}\" title=\"{}\">{letter}</span>",
+                run.frames.len(),
+                escape(title.trim_end_matches(". "))
+            );
         }
-        out.push_str("</div>\n<div class=\"keys\">");
+        out.push_str("</div>\n");
+        if let (Some(first), Some(last)) = (time.first(), time.last()) {
+            let _ = writeln!(
+                out,
+                "<div class=\"ends\"><span>{}</span><span>{}</span></div>",
+                self.when(*first),
+                self.when(*last)
+            );
+        }
+        out.push_str("<div class=\"keys\">");
         for mark in Mark::ALL {
-            let (class, letter, words) = mark.look();
-            let n = marks.iter().filter(|m| **m == mark).count();
+            let (class, letter) = look(mark);
+            let n = frames(mark);
             if n > 0 || mark == Mark::Solved {
                 let _ = write!(
                     out,
-                    "<span><span class=\"strip\"><span class=\"{class}\">{letter}</span></span>{words}: {n}</span>"
+                    "<span><span class=\"band\"><span class=\"{class}\">{letter}</span></span>{}: {n}</span>",
+                    mark.words()
                 );
             }
         }
@@ -227,23 +215,14 @@ impl View<'_> {
         out
     }
 
-    /// Why frame `i` is not solved.
-    pub(super) fn reason(&self, i: usize) -> String {
-        let motion = self.report.motion;
-        let verdict = &self.report.effort.verdicts[i];
-        let mut parts: Vec<String> = Vec::new();
-        parts.extend(motion.fit[motion.report.start + i].failure.clone());
-        parts.extend(verdict.reason.clone());
-        if !verdict.shortfall.is_empty() {
-            let lacks = verdict
-                .shortfall
-                .iter()
-                .map(|s| format!("{} lacks {} N·m", words(&s.coordinate), significant(s.missing, 3)));
-            parts.push(lacks.collect::<Vec<_>>().join(", "));
+    /// From when to when a run of frames lasts.
+    pub(super) fn span(&self, run: &Run) -> String {
+        let time = &self.report.effort.time;
+        let (first, last) = (time[run.frames.start], time[run.frames.end - 1]);
+        if run.frames.len() == 1 {
+            self.when(first)
+        } else {
+            format!("{} to {}", self.when(first), self.when(last))
         }
-        if !verdict.saturated.is_empty() {
-            parts.push(format!("at their bound: {}", verdict.saturated.join(", ")));
-        }
-        if parts.is_empty() { "no reason given".into() } else { parts.join("; ") }
     }
 }

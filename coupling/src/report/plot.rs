@@ -83,7 +83,9 @@ pub struct Plot<'a> {
     pub title: String,
     /// Right part of the heading, quieter.
     pub note: String,
-    /// Unit of the values.
+    /// What the values are, for the title of their axis.
+    pub quantity: &'static str,
+    /// Unit of the values; empty where they have none.
     pub unit: &'static str,
     /// Shared axis.
     pub axis: &'a TimeAxis,
@@ -197,8 +199,8 @@ impl Plot<'_> {
                 Frame { left: 46.0, right: width - right_margin, top, bottom: height - 34.0, width, height }
             }
             Size::Small => {
-                let (width, height) = (160.0, 96.0);
-                Frame { left: 31.0, right: width - 6.0, top: 6.0, bottom: height - 18.0, width, height }
+                let (width, height) = (168.0, 112.0);
+                Frame { left: 42.0, right: width - 6.0, top: 6.0, bottom: height - 28.0, width, height }
             }
         }
     }
@@ -328,9 +330,6 @@ impl Plot<'_> {
                     for &t in seconds.at.iter().filter(|&&t| x(t) > frame.left + 16.0) {
                         label(x(t), -7.0, -3.0, &format!("{} s", seconds.label(t)), "mid minor");
                     }
-                    let y = px(frame.height - 4.0);
-                    let _ =
-                        write!(svg, r#"<text class="mid" x="{}" y="{y}">% of gait cycle</text>"#, px(middle));
                 }
             }
             None => {
@@ -338,12 +337,11 @@ impl Plot<'_> {
                 for &t in &ticks.at {
                     label(x(t), 15.0, 4.0, &ticks.label(t), "mid");
                 }
-                if !small {
-                    let y = px(frame.height - 4.0);
-                    let _ = write!(svg, r#"<text class="mid" x="{}" y="{y}">time, s</text>"#, px(middle));
-                }
             }
         }
+        let title = if self.axis.cycle.is_some() { "% of gait cycle" } else { "time, s" };
+        let y = px(frame.height - if small { 2.0 } else { 4.0 });
+        let _ = write!(svg, r#"<text class="mid" x="{}" y="{y}">{title}</text>"#, px(middle));
     }
 
     fn vertical_axis(&self, svg: &mut String, frame: &Frame, vertical: &Vertical, y: &dyn Fn(f64) -> f64) {
@@ -365,15 +363,13 @@ impl Plot<'_> {
                 px(at + 3.5)
             );
         }
-        if self.size == Size::Normal {
-            let at = (frame.top + frame.bottom) / 2.0;
-            let _ = write!(
-                svg,
-                r#"<text class="mid" transform="translate(11 {}) rotate(-90)">{}</text>"#,
-                px(at),
-                escape(self.unit)
-            );
-        }
+        let _ = write!(
+            svg,
+            r#"<text class="mid" transform="translate({} {}) rotate(-90)">{}</text>"#,
+            if self.size == Size::Small { 9 } else { 11 },
+            px((frame.top + frame.bottom) / 2.0),
+            escape(&axis_title(self.quantity, self.unit))
+        );
         if let Some(right) = self.right {
             let ticks = Ticks::new(vertical.lo / right.per_unit, vertical.hi / right.per_unit, 4);
             for &tick in &ticks.at {
@@ -393,7 +389,7 @@ impl Plot<'_> {
                 r#"<text class="mid minor" transform="translate({} {}) rotate(-90)">{}</text>"#,
                 px(frame.width - 3.0),
                 px((frame.top + frame.bottom) / 2.0),
-                escape(right.unit)
+                escape(&axis_title(self.quantity, right.unit))
             );
         }
     }
@@ -458,6 +454,11 @@ fn hatch(svg: &mut String, frame: &Frame, left: f64, right: f64) {
     let _ = write!(svg, r#"<path class="gap" d="{path}"/>"#);
 }
 
+/// `force, N`, or the quantity alone where it has no unit.
+fn axis_title(quantity: &str, unit: &str) -> String {
+    if unit.is_empty() { quantity.into() } else { format!("{quantity}, {unit}") }
+}
+
 impl Vertical {
     fn height_of(&self, value: f64, frame: &Frame) -> f64 {
         let value = if self.log { value.max(LOG_FLOOR).log10() } else { value };
@@ -475,6 +476,7 @@ mod tests {
         let plot = Plot {
             title: String::new(),
             note: String::new(),
+            quantity: "force",
             unit: "N",
             axis: &axis,
             lines: vec![line],

@@ -96,7 +96,7 @@ fn figure(report: &CompareReport, all: &[Series], labels: [&str; 2], diagonal: b
     let x = |v: f64| LEFT + (v - low[0]) / (high[0] - low[0]) * (RIGHT - LEFT);
     let y = |v: f64| BOTTOM - (v - low[1]) / (high[1] - low[1]) * (BOTTOM - TOP);
     let mut out = format!(
-        "<figure><svg class=\"calibration\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{} over {}\">",
+        "<figure class=\"wide\"><svg class=\"calibration\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{} over {}\">",
         px(WIDTH),
         px(HEIGHT),
         escape(labels[1]),

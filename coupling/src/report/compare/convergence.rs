@@ -87,6 +87,11 @@ fn figure(report: &CompareReport, run: &Run, step: usize, title: &str) -> Option
         px((LEFT + RIGHT) / 2.0),
         px(HEIGHT - 4.0)
     );
+    let _ = write!(
+        out,
+        "<text class=\"mid\" transform=\"translate(11 {}) rotate(-90)\">residual / forces in play</text>",
+        px((TOP + BOTTOM) / 2.0)
+    );
     let alone = islands.len() > 1;
     for (name, values) in &islands {
         let d: String = values

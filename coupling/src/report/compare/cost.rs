@@ -12,8 +12,8 @@ pub(super) fn section_of(report: &CompareReport) -> String {
     let most = report.seconds.iter().map(|s| s.1).fold(1e-9, f64::max);
     let height = 22.0 * report.seconds.len() as f64;
     let mut content = format!(
-        "<figure class=\"stages\"><svg viewBox=\"0 0 640 {}\" role=\"img\" aria-label=\"seconds per stage\">",
-        px(height.max(1.0))
+        "<figure class=\"stages wide\"><svg viewBox=\"0 0 640 {}\" role=\"img\" aria-label=\"seconds per stage\">",
+        px(height + 18.0)
     );
     for (i, (stage, seconds)) in report.seconds.iter().enumerate() {
         let y = 22.0 * i as f64;
@@ -30,6 +30,7 @@ pub(super) fn section_of(report: &CompareReport) -> String {
             fixed(*seconds, if *seconds < 10.0 { 2 } else { 1 })
         );
     }
+    let _ = write!(content, "<text x=\"140\" y=\"{}\">wall time, s</text>", px(height + 14.0));
     content.push_str("</svg></figure>\n");
     let mut rows = Vec::new();
     for (c, computed) in report.configurations.iter().enumerate() {

@@ -43,7 +43,8 @@ fn figure(title: &str, rows: &[Row]) -> String {
     let high = if high > low { high } else { low + 1.0 };
     let (right, bottom) = (WIDTH - 44.0, ROW * rows.len() as f64 + 6.0);
     let x = |f: f64| LEFT + (f - low) / (high - low) * (right - LEFT);
-    let mut out = format!("<figure><figcaption><b>{}</b><span class=\"legend\">", escape(title));
+    let mut out =
+        format!("<figure class=\"wide\"><figcaption><b>{}</b><span class=\"legend\">", escape(title));
     for &b in &shown {
         let (class, name) = BARS[b];
         let _ = write!(

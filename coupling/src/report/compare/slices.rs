@@ -1,4 +1,4 @@
-//! Sections through the middle of the thigh: what muscles do to each other without contact, and with it.
+//! Sections through the muscles of the scene: what they do to each other without contact, and with it.
 
 use std::fmt::Write;
 
@@ -20,6 +20,14 @@ const SCALE: f64 = 3200.0;
 /// Lines along which shared area is found are this far apart \[m\].
 const SPACING: f64 = 0.4e-3;
 const MARGIN: f64 = 12.0;
+/// Sections are looked for every so far along the limb \[m\].
+const STEP: f64 = 10e-3;
+/// A section shows a muscle where it cuts at least this share of its largest section.
+const SHOWS: f64 = 0.5;
+/// Sections at most.
+const MOST: usize = 3;
+/// Length of the scale bar \[m\].
+const BAR: f64 = 50e-3;
 
 /// Closed lines in the plane of the section: right of the body, front of the body \[m\].
 type Loops = Vec<Vec<[f64; 2]>>;
@@ -31,14 +39,83 @@ struct Slice {
     bones: Vec<Loops>,
 }
 
-/// A figure per step and configuration, all of the same extent.
+/// Figures per step and configuration at every height, those of one height of the same extent.
 pub(super) fn sections(report: &CompareReport) -> String {
+    let heights = heights(report);
+    let at: Vec<(f64, String)> = heights.iter().filter_map(|&y| Some((y, figures(report, y)?))).collect();
+    if at.is_empty() {
+        return String::new(); // nothing passes the planes
+    }
+    let name = |y: f64| {
+        let place = format!("y = {} mm", fixed(y * 1e3, 0));
+        if y == report.mid_thigh { format!("{place}, the middle of the thigh") } else { place }
+    };
+    let content: Vec<String> =
+        at.iter().map(|(y, figures)| format!("<h3>At {}</h3>\n{figures}", name(*y))).collect();
+    section(
+        "Sections through the muscles",
+        "Seen from above; the front of the body is at the top, its right side on the right. Where muscles lie in each other they are hatched in red. The heights are those that show most of the muscles of the scene.",
+        &content.join("\n"),
+    )
+}
+
+/// Where sections show the muscles of the mesh: the height that shows most of them, then the one that shows most of the others. Of equals
+/// the one nearest to the middle of the thigh.
+fn heights(report: &CompareReport) -> Vec<f64> {
+    let surfaces: Vec<Surface> = report
+        .thigh
+        .muscles
+        .iter()
+        .map(|m| {
+            let faces = &report.thigh.mesh.surfaces[&format!("{}/surface", m.name)];
+            Surface::from_faces(&report.thigh.mesh.points, faces).0
+        })
+        .collect();
+    let bounds: Vec<_> = surfaces.iter().map(Surface::bounds).collect();
+    let low = bounds.iter().map(|b| b.0.y).fold(f64::INFINITY, f64::min);
+    let high = bounds.iter().map(|b| b.1.y).fold(f64::NEG_INFINITY, f64::max);
+    // Steps from the middle of the thigh, nearest first.
+    let far = (high - report.mid_thigh).max(report.mid_thigh - low) / STEP;
+    let candidates = (0..=far.ceil() as usize)
+        .flat_map(|k| [1.0, -1.0].map(|sign| report.mid_thigh + sign * STEP * k as f64))
+        .skip(1) // the middle once
+        .filter(|y| (low..=high).contains(y));
+    let areas = candidates.map(|y| {
+        let cut = |s: &Surface| flat(s, y).iter().map(|l| area(l)).sum::<f64>().abs();
+        (y, surfaces.iter().map(cut).collect::<Vec<f64>>())
+    });
+    choose(&areas.collect::<Vec<_>>())
+}
+
+/// The heights that show all muscles, [`MOST`] at most, from top to bottom. `areas`: sections of all muscles per height, the most wanted height
+/// first \[m²\].
+fn choose(areas: &[(f64, Vec<f64>)]) -> Vec<f64> {
+    let n = areas.first().map_or(0, |a| a.1.len());
+    let largest: Vec<f64> = (0..n).map(|m| areas.iter().map(|a| a.1[m]).fold(0.0, f64::max)).collect();
+    let shows = |a: &[f64], m: usize| a[m] > 0.0 && a[m] >= SHOWS * largest[m];
+    let mut left: Vec<usize> = (0..n).collect();
+    let mut chosen = Vec::new();
+    while chosen.len() < MOST {
+        let new = |a: &[f64]| left.iter().filter(|&&m| shows(a, m)).count();
+        // The first of equals.
+        let Some((y, a)) = areas.iter().rev().max_by_key(|(_, a)| new(a)).filter(|(_, a)| new(a) > 0) else {
+            break;
+        };
+        chosen.push(*y);
+        left.retain(|&m| !shows(a, m));
+    }
+    chosen.sort_by(|a, b| b.total_cmp(a));
+    chosen
+}
+
+/// The figures at one height; `None` where nothing passes it.
+fn figures(report: &CompareReport, y: f64) -> Option<String> {
     let mut slices = Vec::new();
     for k in 0..report.steps.len() {
         for (c, computed) in report.configurations.iter().enumerate() {
             let Some(Computed { plan, result }) = computed else { continue };
             if let Some(frame) = result.run.frames.iter().find(|f| f.time == 1.0 + k as f64) {
-                slices.push(slice(report, c, plan, frame));
+                slices.push(slice(report, c, plan, frame, y));
             }
         }
     }
@@ -49,32 +126,27 @@ pub(super) fn sections(report: &CompareReport) -> String {
         }
     }
     if low[0] > high[0] {
-        return String::new(); // nothing passes the plane
+        return None;
     }
     let figures: Vec<String> = slices.iter().map(|s| figure(report, s, low, high)).collect();
-    section(
-        "Sections through the middle of the thigh",
-        &format!(
-            "Seen from above at y = {} mm; the front of the body is at the top, its right side on the right. Where muscles lie in each other they are hatched in red.",
-            fixed(report.mid_thigh * 1e3, 0)
-        ),
-        &grid("half slices", &figures),
-    )
+    Some(grid("half slices", &figures))
 }
 
-fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame) -> Slice {
+/// The lines in which a surface passes the plane at height `y` \[m\].
+fn flat(surface: &Surface, y: f64) -> Loops {
+    let loops = surface_section(surface, y);
+    loops.into_iter().map(|l| l.into_iter().map(|p| [p.z, p.x]).collect()).collect()
+}
+
+fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame, y: f64) -> Slice {
     let points = frame.x.as_chunks::<3>().0;
-    let flat = |surface: &Surface| -> Loops {
-        let loops = surface_section(surface, report.mid_thigh);
-        loops.into_iter().map(|l| l.into_iter().map(|p| [p.z, p.x]).collect()).collect()
-    };
     let faces = |muscle: &str| &report.thigh.mesh.surfaces[&format!("{muscle}/surface")];
     let bone = |bone: &Bone| {
         let segment = segment_of(&bone.name)?;
         let body = plan.bodies.iter().position(|b| b == segment);
         let pose = body.map_or(Pose::identity(), |b| frame.load.poses[b]);
         let points = bone.surface.points.iter().map(|p| (pose * Point3::from(*p)).coords.into()).collect();
-        Some(flat(&Surface { points, triangles: bone.surface.triangles.clone() }))
+        Some(flat(&Surface { points, triangles: bone.surface.triangles.clone() }, y))
     };
     Slice {
         title: format!("{}, {}", frame_label(report, frame.time, true), CONFIGURATIONS[c]),
@@ -82,7 +154,7 @@ fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame) -> Slice 
             .thigh
             .muscles
             .iter()
-            .map(|m| flat(&Surface::from_faces(points, faces(&m.name)).0))
+            .map(|m| flat(&Surface::from_faces(points, faces(&m.name)).0, y))
             .collect(),
         bones: report.bones.iter().filter_map(bone).collect(),
     }
@@ -92,6 +164,7 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
     let Slice { title, muscles, bones } = slice;
     let shared = shared(muscles);
     let shared_area: f64 = shared.iter().map(|[_, from, to]| (to - from) * SPACING).sum();
+    let bottom = SCALE * (high[1] - low[1]) + 2.0 * MARGIN;
     let at = |p: [f64; 2]| [MARGIN + SCALE * (p[0] - low[0]), MARGIN + SCALE * (high[1] - p[1])];
     let path = |loops: &Loops| {
         let mut d = String::new();
@@ -110,8 +183,17 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
         escape(title),
         fixed(shared_area * 1e6, 0),
         px(SCALE * (high[0] - low[0]) + 2.0 * MARGIN),
-        px(SCALE * (high[1] - low[1]) + 2.0 * MARGIN),
+        px(bottom + 30.0),
         escape(title)
+    );
+    let _ = writeln!(
+        out,
+        "<path class=\"scale\" d=\"M{MARGIN} {}v4H{}v-4\"/><text x=\"{}\" y=\"{}\">{} mm</text>",
+        px(bottom + 8.0),
+        px(MARGIN + SCALE * BAR),
+        px(MARGIN + SCALE * BAR + 8.0),
+        px(bottom + 14.0),
+        fixed(1e3 * BAR, 0)
     );
     for (i, loops) in muscles.iter().enumerate().filter(|(_, l)| !l.is_empty()) {
         let _ = writeln!(
@@ -214,6 +296,24 @@ fn shared(muscles: &[Loops]) -> Vec<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn heights_show_every_muscle_and_the_most_wanted_comes_first() {
+        let areas = |list: &[(f64, [f64; 3])]| -> Vec<(f64, Vec<f64>)> {
+            list.iter().map(|(y, a)| (*y, a.to_vec())).collect()
+        };
+        // The first height shows two, an equal one comes later, the third muscle is thin everywhere but far away.
+        let list = [
+            (0.0, [4.0, 4.0, 0.1]),
+            (0.01, [4.0, 4.0, 0.2]),
+            (0.3, [0.0, 0.0, 1.0]),
+            (-0.2, [0.0, 2.0, 0.4]),
+        ];
+        assert_eq!(choose(&areas(&list)), [0.3, 0.0]);
+        // Nothing is cut at the most wanted height.
+        assert_eq!(choose(&areas(&[(0.0, [0.0; 3]), (0.2, [1.0, 1.0, 0.9])])), [0.2]);
+        assert!(choose(&[]).is_empty());
+    }
 
     #[test]
     fn squares_share_what_their_overlap_measures() {

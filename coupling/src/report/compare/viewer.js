@@ -34,8 +34,10 @@
     }
     part.count = triangles.length - part.first;
     part.edgeCount = edges.length - part.firstEdge;
-    part.colour = part.bone ? [0.93, 0.89, 0.79] : hsl(part.hue / 360, 0.5, 0.6);
+    part.colour = part.bone ? channels(head.colours.bone).map((c) => c / 255) : hsl(part.hue / 360, 0.5, 0.6);
   }
+  const paint = new Float32Array(3 * head.vertices);
+  for (const part of head.parts) for (let i = part.vertices[0]; i < part.vertices[1]; i++) paint.set(part.colour, 3 * i);
 
   /** Places, normals and fields of a frame; unpacked when first shown. */
   function frameData(frame) {
@@ -83,9 +85,10 @@
   }
 
   // ---- colours ----
-  const RISING = ["#efece4", "#fbe0a4", "#f9b25f", "#ee7248", "#cb3a5c", "#861f6d", "#430f5c"];
-  const DIVERGING = ["#1f4e9c", "#3f86c0", "#8fc0de", "#d3e5ef", "#f4f2ee", "#fbd9c3", "#f0a07e", "#d25c4a", "#a3152c"];
-  const channels = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
+  const { rising: RISING, diverging: DIVERGING } = head.colours;
+  function channels(hex) {
+    return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
+  }
   const ramp = (stops) => {
     const out = new Uint8Array(256 * 4);
     for (let i = 0; i < 256; i++) {
@@ -100,34 +103,47 @@
 
   // ---- drawing ----
   const VERTEX = `#version 300 es
-    in vec3 place; in vec3 normal; in float value;
-    uniform mat4 view, projection;
-    out vec3 turned; out vec3 seen; out float shade;
+    in vec3 place; in vec3 normal; in float value; in vec3 paint;
+    uniform mat4 view, projection; uniform vec4 cut;
+    out vec3 turned; out vec3 seen; out vec3 base; out float shade; out float before;
     void main() {
       vec4 eye = view * vec4(place, 1.0);
       turned = mat3(view) * normal;
       seen = eye.xyz;
       shade = value;
+      base = paint;
+      before = dot(cut.xyz, place) - cut.w;
       gl_Position = projection * eye;
     }`;
   const FRAGMENT = `#version 300 es
     precision highp float;
-    in vec3 turned; in vec3 seen; in float shade;
-    uniform vec3 colour; uniform bool byValue, lines; uniform vec2 shown; uniform sampler2D map;
+    in vec3 turned; in vec3 seen; in vec3 base; in float shade; in float before;
+    uniform bool byValue, lines, diverging; uniform vec2 shown; uniform vec3 missing; uniform sampler2D map;
+    uniform float through;
     out vec4 painted;
     void main() {
-      if (lines) { painted = vec4(0.05, 0.06, 0.08, 0.34); return; }
+      if (before > 0.0) discard;
+      if (lines) { painted = vec4(0.05, 0.06, 0.08, 0.34 * (1.0 - 0.8 * through)); return; }
       vec3 n = normalize(turned);
-      if (!gl_FrontFacing) n = -n;
-      vec3 base = colour;
+      vec3 own = base;
+      float weight = 0.0;
       if (byValue) {
         float t = clamp((shade - shown.x) / (shown.y - shown.x), 0.0, 1.0);
-        base = shade < -1e8 ? vec3(0.74) : texture(map, vec2(t * 255.0 / 256.0 + 0.5 / 256.0, 0.5)).rgb;
+        bool none = shade < -1e8;
+        own = none ? missing : texture(map, vec2(t * 255.0 / 256.0 + 0.5 / 256.0, 0.5)).rgb;
+        weight = none ? 0.0 : diverging ? abs(2.0 * t - 1.0) : t;
+      }
+      // What carries little becomes glass first.
+      float alpha = 1.0 - through * (1.0 - 0.9 * smoothstep(0.0, 0.7, weight));
+      if (!gl_FrontFacing) {
+        n = -n;
+        // Where a cut looks into a closed surface, its inside in one flat colour is the face of the cut.
+        if (!byValue && through == 0.0) { painted = vec4(own * 0.82, 1.0); return; }
       }
       vec3 light = normalize(vec3(-0.35, 0.55, 0.8));
       float lit = max(dot(n, light), 0.0);
       float gloss = pow(max(dot(n, normalize(light - normalize(seen))), 0.0), 32.0);
-      painted = vec4(base * (0.50 + 0.14 * n.y + 0.50 * lit) + 0.08 * gloss, 1.0);
+      painted = vec4(own * (0.50 + 0.14 * n.y + 0.50 * lit) + 0.08 * gloss, alpha);
     }`;
   const program = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
@@ -143,7 +159,7 @@
   }
   gl.useProgram(program);
   const uniform = (name) => gl.getUniformLocation(program, name);
-  const u = Object.fromEntries(["view", "projection", "colour", "byValue", "lines", "shown", "map"].map((n) => [n, uniform(n)]));
+  const u = Object.fromEntries(["view", "projection", "byValue", "lines", "diverging", "shown", "missing", "map", "cut", "through"].map((n) => [n, uniform(n)]));
   const attribute = (name, size) => {
     const buffer = gl.createBuffer();
     const at = gl.getAttribLocation(program, name);
@@ -156,6 +172,8 @@
     };
   };
   const buffers = { place: attribute("place", 3), normal: attribute("normal", 3), value: attribute("value", 1) };
+  attribute("paint", 3)(paint);
+  gl.uniform3fv(u.missing, channels(head.colours.missing).map((c) => c / 255));
   const indices = (list) => {
     const buffer = gl.createBuffer();
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
@@ -163,14 +181,50 @@
     return buffer;
   };
   const [triangleBuffer, edgeBuffer] = [indices(triangles), indices(edges)];
+  const sortedBuffer = gl.createBuffer();
+
+  /** Triangles of the muscles that are shown, far ones first: glass is painted from behind. A counting sort of 16-bit depths. */
+  function farFirst(eye) {
+    const x = state.frame.places;
+    const shown = head.parts.filter((p) => !p.bone && p.shown);
+    const total = shown.reduce((sum, p) => sum + p.count / 3, 0);
+    const depth = new Float32Array(total);
+    let [at, low, high] = [0, Infinity, -Infinity];
+    for (const part of shown) {
+      for (let t = part.first; t < part.first + part.count; t += 3) {
+        let d = 0;
+        for (let k = 0; k < 3; k++) {
+          const p = 3 * triangles[t + k];
+          d += eye[0] * x[p] + eye[1] * x[p + 1] + eye[2] * x[p + 2];
+        }
+        depth[at++] = d;
+        low = Math.min(low, d);
+        high = Math.max(high, d);
+      }
+    }
+    const scale = high > low ? 65535 / (high - low) : 0;
+    const starts = new Uint32Array(65537);
+    for (const d of depth) starts[1 + ((d - low) * scale | 0)]++;
+    for (let k = 0; k < 65536; k++) starts[k + 1] += starts[k];
+    const order = new Uint32Array(3 * total);
+    at = 0;
+    for (const part of shown) {
+      for (let t = part.first; t < part.first + part.count; t += 3, at++) {
+        const place = 3 * starts[(depth[at] - low) * scale | 0]++;
+        for (let k = 0; k < 3; k++) order[place + k] = triangles[t + k];
+      }
+    }
+    return order;
+  }
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
   for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, key, gl.LINEAR);
   for (const key of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, key, gl.CLAMP_TO_EDGE);
   gl.enable(gl.DEPTH_TEST);
   gl.enable(gl.POLYGON_OFFSET_FILL);
   gl.polygonOffset(1, 1);
-  gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ZERO, gl.ONE);
+  gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
 
+  const muscles = head.parts.filter((p) => !p.bone);
   const HALF_ANGLE = (11 * Math.PI) / 180;
   const rest = frameData(head.frames[0]).places;
   const extent = [0, 1, 2].map((c) => {
@@ -200,7 +254,29 @@
   }
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-  const state = { configuration: 0, field: "", frame: null, bones: true, mesh: false };
+  const state = { configuration: 0, field: "", frame: null, bones: true, mesh: false, through: 0, cut: "", cutAt: 0.5 };
+  /** From where to where the muscles of the frame go along an axis [m]. */
+  function reach(axis) {
+    const frame = state.frame;
+    frame.reach ??= [0, 1, 2].map((c) => {
+      let [low, high] = [Infinity, -Infinity];
+      for (const part of muscles) {
+        for (let i = part.vertices[0]; i < part.vertices[1]; i++) {
+          low = Math.min(low, frame.places[3 * i + c]);
+          high = Math.max(high, frame.places[3 * i + c]);
+        }
+      }
+      return [low, high];
+    });
+    return frame.reach[axis];
+  }
+  /** The plane before which everything is taken away: its axis, and where it is along it [m]. */
+  function plane() {
+    if (state.cut === "") return null;
+    const axis = Number(state.cut);
+    const [low, high] = reach(axis);
+    return { axis, at: low + state.cutAt * (high - low) };
+  }
   function draw() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     const [w, h] = [canvas.clientWidth, canvas.clientHeight].map((s) => Math.max(1, Math.round(s * ratio)));
@@ -220,21 +296,66 @@
       (f * h) / w, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0,
     ]);
     const field = head.fields.find((x) => x.key === state.field);
-    if (field) gl.uniform2fv(u.shown, field.shown);
-    for (const part of head.parts) {
-      if (part.bone ? !state.bones : !part.shown) continue;
-      gl.uniform3fv(u.colour, part.colour);
-      gl.uniform1i(u.byValue, field && !part.bone ? 1 : 0);
-      gl.uniform1i(u.lines, 0);
+    if (field) {
+      gl.uniform2fv(u.shown, field.shown);
+      gl.uniform1i(u.diverging, field.diverging ? 1 : 0);
+    }
+    const cut = plane();
+    gl.uniform4fv(u.cut, cut ? [0, 1, 2].map((c) => (c === cut.axis ? 1 : 0)).concat(cut.at) : [0, 0, 0, 1]);
+    gl.uniform1i(u.lines, 0);
+    const shown = head.parts.filter((p) => (p.bone ? state.bones : p.shown));
+    const solid = (parts) => {
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, triangleBuffer);
-      gl.drawElements(gl.TRIANGLES, part.count, gl.UNSIGNED_INT, 4 * part.first);
-      if (!state.mesh || part.bone) continue;
-      gl.enable(gl.BLEND);
+      for (const part of parts) {
+        gl.uniform1i(u.byValue, field && !part.bone ? 1 : 0);
+        gl.drawElements(gl.TRIANGLES, part.count, gl.UNSIGNED_INT, 4 * part.first);
+      }
+    };
+    gl.uniform1f(u.through, 0);
+    solid(state.through > 0 ? shown.filter((p) => p.bone) : shown);
+    gl.uniform1f(u.through, state.through);
+    gl.enable(gl.BLEND);
+    if (state.through > 0) {
+      const order = farFirst(eye);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, sortedBuffer);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, order, gl.DYNAMIC_DRAW);
+      gl.depthMask(false);
+      gl.uniform1i(u.byValue, field ? 1 : 0);
+      gl.drawElements(gl.TRIANGLES, order.length, gl.UNSIGNED_INT, 0);
+      gl.depthMask(true);
+    }
+    if (state.mesh) {
       gl.uniform1i(u.lines, 1);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, edgeBuffer);
-      gl.drawElements(gl.LINES, part.edgeCount, gl.UNSIGNED_INT, 4 * part.firstEdge);
-      gl.disable(gl.BLEND);
+      for (const part of shown.filter((p) => !p.bone)) gl.drawElements(gl.LINES, part.edgeCount, gl.UNSIGNED_INT, 4 * part.firstEdge);
     }
+    gl.disable(gl.BLEND);
+    drawTriad(right, up, eye);
+    drawScale();
+  }
+
+  const TRIAD = [["front", "#c0392b"], ["up", "#1e8449"], ["right", "#2471a3"]];
+  /** Where the axes of the body point; what points towards the eye is drawn last. */
+  function drawTriad(right, up, eye) {
+    const order = [0, 1, 2].sort((a, b) => eye[a] - eye[b]);
+    id("triad").innerHTML = order
+      .map((axis) => {
+        const [x, y] = [32 * right[axis], -32 * up[axis]].map((v) => Number(v.toFixed(1)));
+        const [name, colour] = TRIAD[axis];
+        return `<path d="M0 0L${x} ${y}" stroke="${colour}" stroke-width="3" stroke-linecap="round" fill="none"/>` +
+          `<text class="mid" x="${(1.28 * x).toFixed(1)}" y="${(1.28 * y + 3.5).toFixed(1)}" style="fill:${colour}">${name}</text>`;
+      })
+      .join("");
+  }
+  /** A length of 1, 2 or 5 times a power of ten, as long as it is at the centre of the turn. */
+  function drawScale() {
+    const perPixel = (2 * camera.distance * Math.tan(HALF_ANGLE)) / Math.max(canvas.clientHeight, 1);
+    const most = 110 * perPixel;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const length = power * [5, 2, 1].find((n) => n * power <= most);
+    const [label, line] = id("scalebar").children;
+    label.textContent = length < 0.995 ? `${Number((1e3 * length).toPrecision(1))} mm` : `${length} m`;
+    line.style.width = length / perPixel + "px";
   }
 
   // ---- choices ----
@@ -257,6 +378,9 @@
     id("step-name").textContent = frame.label;
     press("pick-configuration", String(state.configuration));
     press("pick-field", state.field);
+    press("pick-cut", state.cut);
+    id("cut-at").disabled = state.cut === "";
+    nameCut();
     note.textContent = !field ? "" : values ? field.about : `${field.label}: no values in this frame`;
     const bar = id("colourbar");
     bar.hidden = !field;
@@ -288,6 +412,25 @@
     update();
   });
   slider.addEventListener("input", update);
+  /** Says where the cut is. */
+  function nameCut() {
+    const cut = plane();
+    id("cut-name").textContent = cut ? `${"xyz"[cut.axis]} = ${(1e3 * cut.at).toFixed(0).replace("-", "−")} mm` : "";
+  }
+  id("pick-cut").addEventListener("click", (event) => {
+    if (event.target.dataset.value === undefined) return;
+    state.cut = event.target.dataset.value;
+    update();
+  });
+  id("cut-at").addEventListener("input", (event) => {
+    state.cutAt = 1 - event.target.value / 100;
+    nameCut();
+    draw();
+  });
+  id("see-through").addEventListener("input", (event) => {
+    state.through = event.target.value / 100;
+    draw();
+  });
   for (const [name, key] of [["show-bones", "bones"], ["show-mesh", "mesh"]]) {
     id(name).addEventListener("change", (event) => {
       state[key] = event.target.checked;
@@ -295,7 +438,6 @@
     });
   }
   const list = id("muscle-list");
-  const muscles = head.parts.filter((p) => !p.bone);
   const mark = () => muscles.forEach((p, i) => list.children[i].setAttribute("aria-pressed", p.shown));
   for (const part of muscles) {
     const button = document.createElement("button");
@@ -317,6 +459,15 @@
     });
     list.append(button);
   }
+  const every = document.createElement("button");
+  every.type = "button";
+  every.textContent = "all";
+  every.addEventListener("click", () => {
+    for (const p of muscles) p.shown = true;
+    mark();
+    draw();
+  });
+  list.append(every);
   mark();
 
   // ---- pointer ----
@@ -361,6 +512,18 @@
     draw();
   });
   canvas.addEventListener("keydown", (event) => {
+    if (event.shiftKey && event.key.startsWith("Arrow")) {
+      const [right, up] = axes();
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+      camera.target = camera.target.map((t, c) => t - 0.02 * size * (way[0] * right[c] + way[1] * up[c]));
+      event.preventDefault();
+      return draw();
+    }
+    if (event.key === "Home") {
+      event.preventDefault();
+      home();
+      return draw();
+    }
     const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
     if (turn) {
       camera.yaw += turn[0];
@@ -384,6 +547,7 @@
     const from = [0, 1, 2].map((c) => camera.target[c] + camera.distance * eye[c]);
     const ray = [0, 1, 2].map((c) => sx * right[c] + sy * up[c] - eye[c]);
     const x = state.frame.places;
+    const cut = plane();
     let best = null;
     for (const part of head.parts) {
       if (part.bone ? !state.bones : !part.shown) continue;
@@ -400,6 +564,7 @@
         const w = dot(ray, q) / det;
         const along = dot(e2, q) / det;
         if (v < 0 || w < 0 || v + w > 1 || along < 0 || (best && along > best.along)) continue;
+        if (cut && from[cut.axis] + along * ray[cut.axis] > cut.at) continue;
         best = { part, along, corners: [triangles[t], triangles[t + 1], triangles[t + 2]], weights: [1 - v - w, v, w] };
       }
     }

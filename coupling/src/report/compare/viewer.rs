@@ -22,6 +22,15 @@ use crate::thigh::build::segment_of;
 
 /// Steps between the extremes; one more means no value.
 const STEPS: f64 = 65534.0;
+/// Colours of fields that rise from zero: viridis without its darkest part, so that the shading of the surface is still seen.
+const RISING: [&str; 8] =
+    ["#46307e", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
+/// Colours of fields that go to both sides of a value.
+const DIVERGING: [&str; 9] =
+    ["#1f4e9c", "#3f86c0", "#8fc0de", "#c6dcea", "#dfe5ee", "#f3cfc4", "#ee9c86", "#d25c4a", "#a3152c"];
+/// Bones are ivory and tissue without value dark grey: neither is a colour of a field.
+const BONE: &str = "#e9ddb8";
+const MISSING: &str = "#77746e";
 /// Colours end at this share of the values: stress peaks at single corners would leave everything else in one colour.
 const SHOWN: f64 = 0.98;
 
@@ -61,6 +70,7 @@ pub(super) fn viewer(report: &CompareReport) -> String {
         "parts": parts.head(report),
         "vertices": parts.nodes.len(),
         "box": [low.as_slice(), high.as_slice()],
+        "colours": {"rising": RISING, "diverging": DIVERGING, "bone": BONE, "missing": MISSING},
         "fields": fields_head(&ranges),
         "frames": shown.iter().map(|s| json!({
             "configuration": s.configuration, "label": s.label, "solved": s.solved,
@@ -81,7 +91,7 @@ pub(super) fn viewer(report: &CompareReport) -> String {
     for (i, frame) in shown.iter().enumerate() {
         data(&i.to_string(), &packed(frame, &low, &high, &ranges));
     }
-    let lead = "Drag to turn, wheel to zoom, shift and drag to shift, double click to start over; click a muscle in the list to hide it. Values at nodes are means over the cells around them, and colours compare between steps and configurations.";
+    let lead = "Drag to turn, wheel to zoom, shift and drag to shift, double click to start over; with the keyboard: arrows, + and −, shift and arrows, Home. Click a muscle in the list to hide it, or see through: what carries little becomes glass, and pressure deep inside is seen through the muscles above it. A cut takes away what lies before a plane. Values at nodes are means over the cells around them, and colours compare between steps and configurations.";
     section("The thigh in three dimensions", lead, &content)
 }
 
@@ -285,11 +295,64 @@ fn controls(report: &CompareReport) -> String {
          <input type=\"range\" id=\"pick-step\" min=\"0\" max=\"0\" step=\"1\" value=\"0\" aria-label=\"step\"/>\
          <output id=\"step-name\"></output></div>\
          <div class=\"checks\"><label><input type=\"checkbox\" id=\"show-bones\" checked=\"checked\"/>bones</label>\
-         <label><input type=\"checkbox\" id=\"show-mesh\"/>mesh lines</label></div></div>\n</div>\n\
-         <div class=\"stage\"><canvas id=\"thigh\" tabindex=\"0\" role=\"img\" aria-label=\"the thigh; drag to turn\"></canvas>\
+         <label><input type=\"checkbox\" id=\"show-mesh\"/>mesh lines</label></div></div>\n\
+         <div class=\"choice\"><label class=\"slide\"><span>See through</span>\
+         <input type=\"range\" id=\"see-through\" min=\"0\" max=\"100\" step=\"5\" value=\"0\"/></label></div>\n\
+         <div class=\"choice\"><span>Cut</span><div class=\"buttons\" id=\"pick-cut\">\
+         <button type=\"button\" data-value=\"\">none</button><button type=\"button\" data-value=\"0\">front</button>\
+         <button type=\"button\" data-value=\"1\">top</button><button type=\"button\" data-value=\"2\">right</button></div>\
+         <div class=\"slide\"><input type=\"range\" id=\"cut-at\" min=\"0\" max=\"100\" step=\"1\" value=\"50\" aria-label=\"place of the cut\"/>\
+         <output id=\"cut-name\"></output></div></div>\n</div>\n\
+         <div class=\"stage\"><canvas id=\"thigh\" tabindex=\"0\" role=\"img\" aria-label=\"the thigh; drag or use the arrow keys to turn\"></canvas>\
+         <svg class=\"triad\" id=\"triad\" viewBox=\"-50 -50 100 100\" aria-hidden=\"true\"></svg>\
+         <div class=\"scalebar\" id=\"scalebar\" aria-hidden=\"true\"><span></span><i></i></div>\
          <div class=\"colourbar\" id=\"colourbar\" hidden=\"hidden\"><b></b><div class=\"gradient\"></div><div class=\"marks\"></div></div>\
          <p class=\"hint\" id=\"viewer-note\"></p></div>\n\
          <div class=\"list\" id=\"muscle-list\"></div>\n</div>\n",
     );
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// sRGB to CIE L*a*b* under D65, where a distance of 2.3 is just noticed.
+    fn lab(hex: &str) -> [f64; 3] {
+        let channel = |i: usize| {
+            let c = f64::from(u8::from_str_radix(&hex[i..i + 2], 16).unwrap()) / 255.0;
+            if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+        };
+        let [r, g, b] = [channel(1), channel(3), channel(5)];
+        let f = |t: f64| if t > 216.0 / 24389.0 { t.cbrt() } else { (24389.0 / 27.0 * t + 16.0) / 116.0 };
+        let x = f((0.4124 * r + 0.3576 * g + 0.1805 * b) / 0.9505);
+        let y = f(0.2126 * r + 0.7152 * g + 0.0722 * b);
+        let z = f((0.0193 * r + 0.1192 * g + 0.9505 * b) / 1.089);
+        [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+    }
+
+    #[test]
+    fn bones_and_missing_values_have_no_colour_of_a_field() {
+        let apart = |a: &str, b: &str| {
+            let (a, b) = (lab(a), lab(b));
+            (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt()
+        };
+        assert!(apart(BONE, MISSING) > 20.0);
+        for colours in [&RISING[..], &DIVERGING[..]] {
+            for pair in colours.windows(2) {
+                // The colours between two stops as well.
+                for k in 0..=10 {
+                    let mix = |i: usize| {
+                        let of = |c: &str| f64::from(u8::from_str_radix(&c[i..i + 2], 16).unwrap());
+                        (of(pair[0]) + f64::from(k) / 10.0 * (of(pair[1]) - of(pair[0]))).round() as u8
+                    };
+                    let between = format!("#{:02x}{:02x}{:02x}", mix(1), mix(3), mix(5));
+                    for other in [BONE, MISSING] {
+                        let apart = apart(&between, other);
+                        assert!(apart > 20.0, "{between} is {apart:.1} from {other}");
+                    }
+                }
+            }
+        }
+    }
 }
