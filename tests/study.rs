@@ -13,7 +13,7 @@ use coupling::steps::StepName;
 use coupling::study::{Prepared, Sized};
 use coupling::thigh::build::Thigh;
 use fem::measure::nodal_forces;
-use fem::scene::ContactMode;
+use fem::scene::{ContactMode, LawSpec};
 use nalgebra::Vector3;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -92,6 +92,29 @@ fn what_cannot_be_meant_is_refused_with_line_value_and_remedy() {
         ("trial = \"nowhere.toml\"", &["nowhere.toml"]),
         ("surfaces = \"nowhere\"", &["line 1", "`nowhere`", "--data"]),
         ("trial = ", &["line 1"]),
+        ("[materials]\nmatrix_a_kpa = 3000.0", &["line 2", "matrix_a_kpa", "3000", "0.01 to 1000 kPa"]),
+        ("[materials]\ntendon_modulus_mpa = nan", &["line 2", "tendon_modulus_mpa", "1 to 5000 MPa"]),
+        ("[materials]\nbulk_modulus_kpa = 8.0", &["line 2", "1.067 times the shear modulus", "5 to 5000"]),
+        (
+            "[materials]\ntendon_modulus_gpa = 1.2",
+            &["line 2", "`tendon_modulus_gpa`", "`tendon_modulus_mpa`"],
+        ),
+        (
+            "[[materials.muscle]]\nname = \"rectus_femuris\"\nmatrix_a_kpa = 4.0",
+            &["line 2", "`rectus_femuris`", "did you mean `rectus_femoris`"],
+        ),
+        (
+            "muscles = [\"sartorius\"]\n[[materials.muscle]]\nname = \"gracilis\"",
+            &["line 3", "`gracilis`", "add it there"],
+        ),
+        (
+            "[[materials.muscle]]\nname = \"gracilis\"\n[[materials.muscle]]\nname = \"gracilis\"",
+            &["line 4", "one place"],
+        ),
+        (
+            "[effects]\nshells = false\n[materials]\naponeurosis_thickness_mm = 1.0",
+            &["line 4", "aponeurosis_thickness_mm", "shells = false"],
+        ),
     ] {
         let error = parse(scene).map(|s| panic!("{scene} is taken: {s:?}")).unwrap_err();
         assert!(error.contains("mine.toml"), "{error}");
@@ -99,6 +122,75 @@ fn what_cannot_be_meant_is_refused_with_line_value_and_remedy() {
             assert!(error.contains(word), "{scene}: {error} lacks {word}");
         }
     }
+}
+
+/// The thigh of a scene of three muscles: semitendinosus ends in strands, rectus femoris in its solid tendon.
+fn thigh_of(materials: &str) -> Result<coupling::thigh::build::Thigh, String> {
+    let text = format!(
+        "muscles = [\"gluteus_minimus\", \"rectus_femoris\", \"semitendinosus\"]\nresolution_mm = 18.0\n[effects]\ncontact = \"none\"\n{materials}"
+    );
+    let scene = parse(&text)?;
+    assert!(scene.settings().iter().any(|(label, _)| label == "Matrix"));
+    Prepared::new(scene, None, &mut |_| ()).map(|p| p.thigh).map_err(|e| e.to_string())
+}
+
+#[test]
+fn materials_change_what_they_name_and_nothing_else() {
+    let plain = thigh_of("").unwrap();
+    // The defaults written out are the defaults, to the last bit but for the bulk modulus, which goes by way of Poisson's ratio.
+    let same = thigh_of(
+        "[materials]\nmatrix_a_kpa = 3.0\nmatrix_b_kpa = 0.75\ndensity_kg_m3 = 1060.0\n\
+         aponeurosis_thickness_mm = 0.5\naponeurosis_shear_modulus_kpa = 7.5\ntendon_section_mm2 = 30.0\n",
+    )
+    .unwrap();
+    assert_eq!(same.scene, plain.scene);
+    let bulk = |law: &LawSpec| {
+        let LawSpec::MooneyRivlinDyna { a, b, nu } = law else { panic!("{law:?}") };
+        4.0 * (a + b) * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))
+    };
+    let other = thigh_of(
+        "[materials]\nbulk_modulus_kpa = 600.0\ndensity_kg_m3 = 1100.0\ntendon_modulus_mpa = 600.0\n\
+         [[materials.muscle]]\nname = \"rectus_femoris\"\nmatrix_a_kpa = 6.0\naponeurosis_thickness_mm = 1.0\n\
+         tendon_modulus_mpa = 740.0\n",
+    )
+    .unwrap();
+    assert_eq!((&other.mesh.points, &other.scene.fibres), (&plain.mesh.points, &plain.scene.fibres));
+    for (changed, before) in other.scene.solids.iter().zip(&plain.scene.solids) {
+        let own = changed.region.starts_with("rectus_femoris");
+        let LawSpec::MooneyRivlinDyna { a, b, .. } = changed.law else { panic!("{:?}", changed.law) };
+        assert_eq!((a, b), (if own { 6e3 } else { 3e3 }, 750.0), "{}", changed.region);
+        assert!(
+            (bulk(&changed.law) / 600e3 - 1.0).abs() < 1e-9,
+            "{}: {}",
+            changed.region,
+            bulk(&changed.law)
+        );
+        assert_eq!((changed.density, &changed.scale), (1100.0, &before.scale));
+    }
+    for (changed, before) in other.scene.membranes.iter().zip(&plain.scene.membranes) {
+        let thick = if changed.region == "rectus_femoris/shell" { 1e-3 } else { before.thickness };
+        assert_eq!((changed.thickness, &changed.law), (thick, &before.law), "{}", changed.region);
+    }
+    let mut seen = [0; 3];
+    for (changed, before) in other.scene.strands.iter().zip(&plain.scene.strands) {
+        let (kind, factor) = match changed.region.as_str() {
+            "rectus_femoris/tendon_fibres" => (0, 2.0),
+            region if region.starts_with("patellar_ligament") => (1, 1.0),
+            _ => (2, 0.5),
+        };
+        seen[kind] += 1;
+        let wanted = factor * before.stiffness;
+        assert!(
+            (changed.stiffness / wanted - 1.0).abs() < 1e-14,
+            "{}: {}",
+            changed.region,
+            changed.stiffness
+        );
+    }
+    assert!(seen.iter().all(|n| *n > 0), "{seen:?}");
+    let refused = thigh_of("[[materials.muscle]]\nname = \"rectus_femoris\"\ntendon_section_mm2 = 20.0\n");
+    let refused = refused.map(|_| ()).unwrap_err();
+    assert!(refused.contains("tendon_section_mm2") && refused.contains("rectus_femoris"), "{refused}");
 }
 
 /// Few muscles, so that the contact of all of them is not looked for.
@@ -329,6 +421,18 @@ fn calibrations_are_kept_and_change_no_byte() {
         assert!(again == first, "a damaged entry is computed anew");
         assert!(said.contains("damaged") && said.contains("gluteus_minimus"), "{said}");
         assert_eq!(fs::read_to_string(&entry).unwrap(), whole);
+        if fibres == "hill" {
+            // Another material is calibrated anew, under a name of its own, and shown.
+            let stiffer = fs::read_to_string(at.join("one.toml")).unwrap()
+                + "[materials]\naponeurosis_shear_modulus_kpa = 30.0\n";
+            fs::write(at.join("one.toml"), stiffer).unwrap();
+            assert_ne!(run("runs/stiffer").0, first);
+            assert_eq!(fs::read_dir(at.join("runs").join(FOLDER)).unwrap().count(), 2);
+            for file in ["report.html", "run.json"] {
+                let shown = fs::read_to_string(at.join("runs/stiffer").join(file)).unwrap();
+                assert!(shown.contains("shells of 0.5 mm, shear modulus 30 kPa"), "{file}");
+            }
+        }
     }
 }
 

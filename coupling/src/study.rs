@@ -165,7 +165,9 @@ impl Sized {
     pub fn draft(&self) -> Result<Thigh, CommandError> {
         let Some(limb) = &self.limb else { return Ok(names_only()) };
         let Scene { resolution, draw_in, muscles, .. } = &self.scene;
-        Ok(draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?)
+        let mut thigh = draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?;
+        self.scene.materials.apply(&mut thigh).map_err(CommandError::Option)?;
+        Ok(thigh)
     }
 }
 
@@ -188,10 +190,11 @@ impl Prepared {
     /// Meshes the thigh. `lap` is called as that ends.
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CommandError> {
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
-        let made = limb
+        let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects(&scene)))
             .transpose()?;
-        if made.is_some() {
+        if let Some(made) = &mut made {
+            scene.materials.apply(&mut made.thigh).map_err(CommandError::Option)?;
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());

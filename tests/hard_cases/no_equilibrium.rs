@@ -57,7 +57,8 @@ fn inflate(c10: f64, c01: f64, cells: usize, pressures: &[f64]) -> Result<Inflat
         components: std::array::from_fn(|c| c == d),
         ..held(["x_min", "y_min", "z_min"][d])
     };
-    let pressure = PressureSpec { surface: "inner".into(), origin: Some([0.0; 3]), control: "pressure".into() };
+    let pressure =
+        PressureSpec { surface: "inner".into(), origin: Some([0.0; 3]), control: "pressure".into() };
     let scene = Scene {
         solids: vec![solid("block", law)],
         prescribed: (0..3).map(on_plane).collect(),

@@ -113,7 +113,7 @@ impl View<'_> {
                 line("measured", "measured", &curve.measured),
             ];
             let right = Some(RightAxis { per_unit: weight, unit: "body weights" });
-            let plot = Plot { right, gap: "not compared", ..self.plot(capital(name), "N", lines) };
+            let plot = Plot { right, gap: "not compared", ..self.plot(capital(name), ["force", "N"], lines) };
             figures.push(plot.render());
             let a = &curve.agreement;
             let optional = |v: Option<f64>| v.map_or("–".into(), |v| fixed(v, 2));

@@ -88,7 +88,7 @@ impl View<'_> {
             "% of the largest moment needed",
             "",
         ];
-        let figures: Vec<String> = (self.by_joint(reserves, 1.0, "N·m", &|_| false).into_iter())
+        let figures: Vec<String> = (self.by_joint(reserves, 1.0, ["moment", "N·m"], &|_| false).into_iter())
             .map(|figure| figure.replacen("</b>", " reserve</b>", 1))
             .collect();
         let lead = "Moments that no muscle makes. Muscle and joint forces lack what they carry; beyond 10 % of the largest moment that a coordinate needs they are marked.";

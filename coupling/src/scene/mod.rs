@@ -4,6 +4,7 @@
 //! Files are looked for beside the scene, then in `--data`.
 
 mod keys;
+pub mod materials;
 mod resolved;
 mod words;
 
@@ -24,6 +25,7 @@ pub use keys::{KEYS, TomlKind, wanted};
 use crate::compare::StressFree;
 use crate::steps::StepName;
 use crate::thigh::lines::lines_of_muscles;
+use materials::{Materials, MaterialsEntry};
 
 /// Target edge lengths that are meshed \[mm\].
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
@@ -92,6 +94,8 @@ pub struct Scene {
     pub shells: bool,
     /// Contact; `None`: surfaces do not see each other.
     pub contact: Option<ContactMode>,
+    /// Material constants that the scene gives.
+    pub materials: Materials,
     /// Steps, in the order of time.
     pub steps: Vec<StepSpec>,
 }
@@ -111,6 +115,8 @@ struct SceneFile {
     accuracy: AccuracyEntry,
     #[serde(default)]
     effects: EffectsEntry,
+    #[serde(default)]
+    materials: MaterialsEntry,
     step: Option<Vec<StepEntry>>,
 }
 
@@ -198,6 +204,11 @@ impl SceneFile {
             let remedy = "add the step heel_strike, or take the mesh as stress-free in standing";
             wrong.note(at.bad(line, "stress_free", "heel_strike without that step", remedy));
         }
+        let shells = self.effects.shells.unwrap_or(true);
+        let simulated = muscles.as_ref().map_or(&[][..], |m| m.1.as_slice());
+        let materials = self.materials.check(simulated, shells, &mut |byte, key, value, remedy| {
+            wrong.note(at.bad(at.line(byte), key, value, remedy));
+        });
         let natural = if at_heel_strike { Fibres::Thermal } else { Fibres::Hill };
         let [without, with] = NATURAL_RESIDUALS;
         let accuracy = &self.accuracy;
@@ -215,12 +226,13 @@ impl SceneFile {
             residuals: [accuracy.residual_n.unwrap_or(without), accuracy.contact_residual_n.unwrap_or(with)],
             stress_free,
             fibres: self.effects.fibres.unwrap_or(natural),
-            shells: self.effects.shells.unwrap_or(true),
+            shells,
             contact: match self.effects.contact.unwrap_or(ContactChoice::Guarded) {
                 ContactChoice::Guarded => Some(ContactMode::Guarded),
                 ContactChoice::Cheap => Some(ContactMode::Cheap),
                 ContactChoice::None => None,
             },
+            materials,
             steps,
         })
     }

@@ -17,6 +17,12 @@ impl Scene {
         };
         keys.insert("trial".into(), trial.unwrap_or("walker").into());
         keys.insert("muscles".into(), muscles);
+        // Materials of muscles that the command line took out would be refused.
+        let materials = keys.get_mut("materials").and_then(|m| m.get_mut("muscle"));
+        if let (Some(Value::Array(of)), false) = (materials, self.muscles.is_empty()) {
+            let simulated = |m: &Value| self.muscles.iter().any(|name| m["name"].as_str() == Some(name));
+            of.retain(simulated);
+        }
         keys.insert("resolution_mm".into(), in_millimetres(self.resolution).into());
         keys.entry("draw_in_mm").or_insert(in_millimetres(self.draw_in).into());
         keys.insert("stress_free".into(), Value::try_from(self.stress_free).expect("a word"));

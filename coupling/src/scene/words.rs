@@ -43,6 +43,7 @@ impl Scene {
                 }
             })
             .collect();
+        let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
         let of_thigh = |(label, _): &(&str, String)| match *label {
             "Trial" | "Thigh" | "Steps" => true,
             "Muscles drawn in" => self.deformable && self.draw_in > 0.0,
@@ -73,6 +74,7 @@ impl Scene {
         .into_iter()
         .filter(of_thigh)
         .map(|(label, value)| (label.to_string(), value))
+        .chain(materials)
         .collect()
     }
 
@@ -91,7 +93,7 @@ impl Scene {
         }
         let n = thigh.muscles.len();
         simulated.push(format!(
-            "{n} muscles as hexahedra of mean dilatation, Mooney-Rivlin matrix (A = 3 kPa, B = 0.75 kPa), stiffer towards the ends; tied to bone where they grow from it."
+            "{n} muscles as hexahedra of mean dilatation, Mooney-Rivlin matrix, stiffer towards the ends; tied to bone where they grow from it."
         ));
         simulated.push("Bones as rigid bodies that follow the rigid leg.".into());
         let fans = thigh.scene.strands.iter().filter(|s| s.region.contains("/tendon_"));
@@ -101,7 +103,7 @@ impl Scene {
         }
         if !thigh.tendons.is_empty() {
             simulated.push(format!(
-                "Quadriceps tendon as a solid of {} heads sewn together at their edges, with fibres of 370 MPa; patellar ligament as three strands.",
+                "Quadriceps tendon as a solid of {} heads sewn together at their edges, with fibres; patellar ligament as three strands.",
                 thigh.tendons.len()
             ));
         }
@@ -111,7 +113,7 @@ impl Scene {
             Fibres::None => leave("fibres and activation", "the scene has `fibres = \"none\"`: passive tissue"),
         }
         match self.shells {
-            true => simulated.push("Shells of 0.5 mm around the muscles (aponeuroses).".into()),
+            true => simulated.push("Shells around the muscles (aponeuroses).".into()),
             false => leave("shells (aponeuroses)", "the scene has `shells = false`"),
         }
         match (self.contact, asked[1]) {

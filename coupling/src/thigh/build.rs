@@ -24,14 +24,16 @@ pub const FIBRE_YOUNG: f64 = 1e6;
 /// Strain over which the tension of a fibre sets in.
 pub(super) const FIBRE_TOE: f64 = 0.05;
 /// Thickness of the shell around a muscle \[m\]; the study does not state one.
-const SHELL_THICKNESS: f64 = 0.5e-3;
+pub const SHELL_THICKNESS: f64 = 0.5e-3;
 /// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
-pub(super) const SHELL_SHEAR: f64 = 7.5e3;
+pub const SHELL_SHEAR: f64 = 7.5e3;
 /// The end layers are this many times stiffer, fading over three layers (`mesh-notes.md`).
 pub(super) const END_STIFFNESS: f64 = 40.0;
 pub(super) const END_LAYERS: usize = 3;
-/// Young's modulus \[Pa\] and section \[m²\] of a tendon: 1.2 GPa (Zajac 1989) on 30 mm², per attachment.
-const TENDON_STIFFNESS: f64 = 1.2e9 * 30e-6;
+/// Young's modulus of a tendon of strands \[Pa\] (Zajac 1989).
+pub const TENDON_MODULUS: f64 = 1.2e9;
+/// Its section, per attachment \[m²\].
+pub const TENDON_SECTION: f64 = 30e-6;
 /// A side grows from bone that is nearer than this \[m\]: the 3 mm of the table and the gap that the mesher keeps.
 const PATCH_REACH: f64 = 3.5e-3;
 /// Around its attachments a muscle takes no notice of the bone \[m\].
@@ -391,7 +393,7 @@ fn hang<'a>(
         let region = format!("{}/tendon_{}", block.name, k + 1);
         let lines = nodes.iter().flat_map(|n| [n + first, on_bone]).collect();
         mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Line2, nodes: lines });
-        let stiffness = TENDON_STIFFNESS / nodes.len() as f64;
+        let stiffness = TENDON_MODULUS * TENDON_SECTION / nodes.len() as f64;
         scene.strands.push(StrandSpec { region: region.clone(), stiffness, toe: TOE, reference_strain: 0.0 });
         let set = format!("{region}/anchor");
         mesh.node_sets.insert(set.clone(), vec![on_bone]);
