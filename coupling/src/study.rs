@@ -165,7 +165,9 @@ impl Sized {
     pub fn draft(&self) -> Result<Thigh, CommandError> {
         let Some(limb) = &self.limb else { return Ok(names_only()) };
         let Scene { resolution, draw_in, muscles, .. } = &self.scene;
-        Ok(draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?)
+        let mut thigh = draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?;
+        self.scene.materials.apply(&mut thigh).map_err(CommandError::Option)?;
+        Ok(thigh)
     }
 }
 

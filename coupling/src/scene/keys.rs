@@ -9,7 +9,14 @@ use multibody::keys::Need::{Default, Optional, Required};
 use multibody::keys::{Key, key, likeness};
 use multibody::trial_file;
 
+use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
 use super::{DRAWN_IN, FLEXIONS, RESIDUALS, RESOLUTIONS};
+
+/// What a material constant may be.
+const fn of(constant: usize) -> multibody::keys::Kind {
+    let (low, high) = CONSTANTS[constant].range;
+    Number(low, high)
+}
 
 /// One row per key of `SceneFile` and what is in it; a test compares them.
 #[rustfmt::skip]
@@ -27,28 +34,28 @@ pub const KEYS: &[Key] = &[
 
     key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),
     key("effects.fibres", Word(&["hill", "thermal", "none"]), Optional("hill; thermal where the mesh is free of stress at heel strike"), "", "Law of the fibres: force from activation and length, from contraction as in the publication, or passive tissue", "\"hill\""),
-    key("effects.shells", Flag, Default("true"), "", "Shells of 0.5 mm around the muscles (aponeuroses)", "false"),
+    key("effects.shells", Flag, Default("true"), "", "Shells around the muscles (aponeuroses)", "false"),
     key("effects.contact", Word(&["guarded", "cheap", "none"]), Default("\"guarded\""), "", "Contact between all muscles and bones: nothing passes through, a penalty on penetration, or none", "\"none\""),
 
-    key("materials", Section, Optional("the constants of the program"), "", "Material constants of all muscles; what is absent stays as it is", ""),
-    key("materials.matrix_a_kpa", Number(0.01, 1e3), Optional("3.0"), "kPa", "Constant A of the Mooney-Rivlin matrix, ψ = A (I₁ − 3) + B (I₂ − 3) + …", "2.0"),
-    key("materials.matrix_b_kpa", Number(0.0, 1e3), Optional("0.75"), "kPa", "Constant B of the matrix; 0 makes it neo-Hookean", "0.5"),
-    key("materials.bulk_modulus_kpa", Number(1.0, 1e7), Optional("99.7 times the shear modulus 2 (A + B)"), "kPa", "Bulk modulus of the matrix", "500.0"),
-    key("materials.density_kg_m3", Number(500.0, 2000.0), Optional("1060.0"), "kg/m³", "Density; it counts with gravity or inertia alone", "1100.0"),
-    key("materials.aponeurosis_thickness_mm", Number(0.01, 5.0), Optional("0.5"), "mm", "Thickness of the shells around the muscles", "1.0"),
-    key("materials.aponeurosis_shear_modulus_kpa", Number(0.01, 1e6), Optional("7.5"), "kPa", "Shear modulus of the shells", "10.0"),
-    key("materials.tendon_modulus_mpa", Number(1.0, 5000.0), Optional("1200.0; of the solid quadriceps tendon 370.0"), "MPa", "Modulus of the tendon along its fibres", "800.0"),
-    key("materials.tendon_section_mm2", Number(1.0, 500.0), Optional("30.0"), "mm²", "Section of a tendon of strands, per attachment", "20.0"),
-    key("materials.muscle", Sections, Optional("none"), "", "Constants of single muscles, which go before those of all", ""),
-    key("materials.muscle.name", Text, Required, "", "Muscle of the thigh", "\"rectus_femoris\""),
-    key("materials.muscle.matrix_a_kpa", Number(0.01, 1e3), Optional("that of all muscles"), "kPa", "Constant A of the Mooney-Rivlin matrix, ψ = A (I₁ − 3) + B (I₂ − 3) + …", "2.0"),
-    key("materials.muscle.matrix_b_kpa", Number(0.0, 1e3), Optional("that of all muscles"), "kPa", "Constant B of the matrix; 0 makes it neo-Hookean", "0.5"),
-    key("materials.muscle.bulk_modulus_kpa", Number(1.0, 1e7), Optional("that of all muscles"), "kPa", "Bulk modulus of the matrix", "500.0"),
-    key("materials.muscle.density_kg_m3", Number(500.0, 2000.0), Optional("that of all muscles"), "kg/m³", "Density; it counts with gravity or inertia alone", "1100.0"),
-    key("materials.muscle.aponeurosis_thickness_mm", Number(0.01, 5.0), Optional("that of all muscles"), "mm", "Thickness of the shells around the muscles", "1.0"),
-    key("materials.muscle.aponeurosis_shear_modulus_kpa", Number(0.01, 1e6), Optional("that of all muscles"), "kPa", "Shear modulus of the shells", "10.0"),
-    key("materials.muscle.tendon_modulus_mpa", Number(1.0, 5000.0), Optional("that of all muscles"), "MPa", "Modulus of the tendon along its fibres", "800.0"),
-    key("materials.muscle.tendon_section_mm2", Number(1.0, 500.0), Optional("that of all muscles"), "mm²", "Section of a tendon of strands, per attachment", "20.0"),
+    key("materials", Section, Optional("the defaults of its keys"), "", "Material constants of all muscles", ""),
+    key("materials.matrix_a_kpa", of(A), Optional("3.0"), "kPa", "A of the Mooney-Rivlin matrix, A (I1 - 3) + B (I2 - 3)", "3.0"),
+    key("materials.matrix_b_kpa", of(B), Optional("0.75"), "kPa", "B of the matrix; 0 is neo-Hookean", "0.75"),
+    key("materials.bulk_modulus_kpa", of(BULK), Optional("99.7 times the shear modulus 2 (A + B)"), "kPa", "Bulk modulus of the matrix", "747.5"),
+    key("materials.density_kg_m3", of(DENSITY), Optional("1060"), "kg/m³", "Density; counts with gravity or inertia alone", "1060.0"),
+    key("materials.aponeurosis_thickness_mm", of(THICKNESS), Optional("0.5"), "mm", "Thickness of the shell around a muscle", "0.5"),
+    key("materials.aponeurosis_shear_modulus_kpa", of(SHELL), Optional("7.5"), "kPa", "Shear modulus of the shell", "7.5"),
+    key("materials.tendon_modulus_mpa", of(TENDON), Optional("1200; of the solid quadriceps tendon 370"), "MPa", "Young's modulus of tendons along their fibres", "1200.0"),
+    key("materials.tendon_section_mm2", of(SECTION), Optional("30"), "mm²", "Section of a tendon of strands, per attachment", "30.0"),
+    key("materials.muscle", Sections, Optional("all muscles are alike"), "", "Material constants of a single muscle; they go before those of all", ""),
+    key("materials.muscle.name", Text, Required, "", "Which muscle, as in `muscles`", "\"rectus_femoris\""),
+    key("materials.muscle.matrix_a_kpa", of(A), Optional("that of all muscles"), "kPa", "A of the Mooney-Rivlin matrix, A (I1 - 3) + B (I2 - 3)", "3.0"),
+    key("materials.muscle.matrix_b_kpa", of(B), Optional("that of all muscles"), "kPa", "B of the matrix; 0 is neo-Hookean", "0.75"),
+    key("materials.muscle.bulk_modulus_kpa", of(BULK), Optional("that of all muscles"), "kPa", "Bulk modulus of the matrix", "747.5"),
+    key("materials.muscle.density_kg_m3", of(DENSITY), Optional("that of all muscles"), "kg/m³", "Density; counts with gravity or inertia alone", "1060.0"),
+    key("materials.muscle.aponeurosis_thickness_mm", of(THICKNESS), Optional("that of all muscles"), "mm", "Thickness of the shell around a muscle", "0.5"),
+    key("materials.muscle.aponeurosis_shear_modulus_kpa", of(SHELL), Optional("that of all muscles"), "kPa", "Shear modulus of the shell", "7.5"),
+    key("materials.muscle.tendon_modulus_mpa", of(TENDON), Optional("that of all muscles"), "MPa", "Young's modulus of tendons along their fibres", "1200.0"),
+    key("materials.muscle.tendon_section_mm2", of(SECTION), Optional("that of all muscles"), "mm²", "Section of a tendon of strands, per attachment", "30.0"),
 
     key("step", Sections, Optional("both steps"), "", "Steps of the gait cycle that are solved", ""),
     key("step.name", Word(&["heel_strike", "loading_response"]), Required, "", "Which step", "\"heel_strike\""),

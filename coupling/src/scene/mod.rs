@@ -205,7 +205,7 @@ impl SceneFile {
             wrong.note(at.bad(line, "stress_free", "heel_strike without that step", remedy));
         }
         let shells = self.effects.shells.unwrap_or(true);
-        let simulated = muscles.as_ref().map_or(&[][..], |(_, names)| names);
+        let simulated = muscles.as_ref().map_or(&[][..], |m| m.1.as_slice());
         let materials = self.materials.check(simulated, shells, &mut |byte, key, value, remedy| {
             wrong.note(at.bad(at.line(byte), key, value, remedy));
         });
