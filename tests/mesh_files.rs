@@ -558,7 +558,9 @@ fn errors_name_file_line_and_remedy() {
     let error = parse("leg.msh", broken.join("\n").as_bytes()).expect_err("node 77");
     assert_eq!(
         error.to_string(),
-        format!("leg.msh, line {line}: an element names node 77, which `$Nodes` lacks; repair the file there, or export it again")
+        format!(
+            "leg.msh, line {line}: an element names node 77, which `$Nodes` lacks; repair the file there, or export it again"
+        )
     );
     let MeshError::Format { place, .. } = error else { panic!("a format error") };
     assert_eq!(place, Place::Line(line));

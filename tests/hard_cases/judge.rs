@@ -8,9 +8,6 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use support::independent::{Candidate, Component, Independent, Judgement};
 
-/// Residual relative to the forces in play of a load step that was cut short, as [`fem::solve::Advance::loose_steps`] has it.
-const LOOSE: f64 = 0.05;
-
 /// Follows a run frame by frame.
 pub struct Judge<'a> {
     scene: &'a Scene,
@@ -207,9 +204,9 @@ impl Judge<'_> {
         if self.scene.contact.is_some() || self.scene.inertia.is_some() || self.plan.islands.len() != 1 {
             return;
         }
-        let (load, loose) = match errors.first() {
-            Some(SolveError::NotConverged(why)) => (why.load, why.loose),
-            _ => (0.0, false),
+        let load = match errors.first() {
+            Some(SolveError::NotConverged(why)) => why.load,
+            _ => 0.0,
         };
         if load == 0.0 {
             if frame.x != self.x {
@@ -219,8 +216,7 @@ impl Judge<'_> {
         }
         let mix = self.load.controls.iter().zip(&frame.load.controls).map(|(a, b)| a + load * (b - a));
         let controls: Vec<f64> = mix.collect();
-        // Where it says so it is an equilibrium to 5 % of the forces only.
-        let tolerance = if loose { LOOSE.max(self.settings.tolerance) } else { self.settings.tolerance };
+        let tolerance = self.settings.tolerance;
         for judgement in self.judgements(&frame.x, &controls, frame.time) {
             let what = format!("the last good state, load {load:.3}");
             self.check_island(&judgement, &what, tolerance, false);

@@ -101,8 +101,6 @@ struct Inflated {
     pressure: f64,
     /// Inner stretch there.
     stretch: f64,
-    /// Whether that is only near equilibrium, as it says.
-    loose: bool,
     why: String,
 }
 
@@ -140,14 +138,14 @@ fn inflate(c10: f64, c01: f64, cells: usize, pressures: &[f64]) -> Result<Inflat
     let stretch = radii.iter().sum::<f64>() / inner.len() as f64 / RADII[0];
     let done = run.frames.len();
     let before = if done == 0 { 0.0 } else { pressures[done - 1] };
-    let (solved, pressure, loose, why) = match run.errors.first() {
-        None => (true, before, false, String::new()),
+    let (solved, pressure, why) = match run.errors.first() {
+        None => (true, before, String::new()),
         Some(SolveError::NotConverged(why)) => {
-            (false, before + why.load * (pressures[done] - before), why.loose, why.reason.to_string())
+            (false, before + why.load * (pressures[done] - before), why.reason.to_string())
         }
         Some(other) => return Err(format!("{pressures:?} Pa: {other}")),
     };
-    Ok(Inflated { solved, pressure, stretch, loose, why })
+    Ok(Inflated { solved, pressure, stretch, why })
 }
 
 /// The sphere of some constants: solved below its greatest pressure, on the curve of its differential equation; not converged above, with
@@ -165,7 +163,7 @@ fn sphere(c10: f64, c01: f64, cells: usize, below: f64, above: [f64; 2]) -> Outc
             end.pressure,
             end.stretch
         );
-        if !end.loose && !((wanted / end.pressure - 1.0).abs() < 0.03) {
+        if !((wanted / end.pressure - 1.0).abs() < 0.03) {
             return Err(format!("{text}, for which {wanted:.0} Pa are wanted"));
         }
         let near = (0.95..1.03).contains(&(end.pressure / limit));
