@@ -43,11 +43,14 @@ fn direction(user: &str, v: [f64; 3]) -> Result<Direction, SceneError> {
     Ok(axis.map_or(Direction::Vector(n.into()), Direction::Axis))
 }
 
+/// What a node may not do along a direction that is no axis: the direction, what holds it there, who asked.
+type Oblique<'a> = (Vector3<f64>, Along, &'a str);
+
 /// Motions with the node set that asked for each, and constraints along other directions than axes.
 struct Table<'a> {
     motion: Vec<[Motion; 3]>,
     user: Vec<[&'a str; 3]>,
-    oblique: BTreeMap<u32, Vec<(Vector3<f64>, Along, &'a str)>>,
+    oblique: BTreeMap<u32, Vec<Oblique<'a>>>,
 }
 
 impl<'a> Table<'a> {
