@@ -332,6 +332,11 @@ fn knee_forces_come_in_two_layouts() {
         (cells.lateral[0] - pound * (0.0129 * 20.0 + 0.0317 * 10.0 + 0.9613 * 30.0 + 0.9789 * 40.0)).abs()
             < 1e-9
     );
+    let beyond = write("beyond.csv", "time_s,medial_N,lateral_N\n0,100,50\n0.1,1e308,60\n").unwrap_err();
+    assert!(
+        beyond.to_string().contains("line 3") && beyond.to_string().contains("no knee bears that"),
+        "{beyond}"
+    );
     // As distributed: every line ends in a carriage return and in commas, some rows hold nothing else; cells may be empty.
     let public = "Time(sec),PM,AM,AL,PL,GON,GRFz,,\r0.5,10,20,30,40,1.5,-700,,\r,,,,,,,,\r0.6,11,21,31,41,,,,\r0.7,12,,32,42\r";
     for (name, text) in [

@@ -365,6 +365,14 @@ fn left_taken_for_right_is_noticed() {
 }
 
 #[test]
+fn a_trial_without_a_plate_is_refused() {
+    let none = |w: &mut Walking| {
+        w.replace("plates = [1]", "plates = []");
+    };
+    refused!(error_of(none), InputError::BadValue { .. }, "`plates`", "name at least one plate");
+}
+
+#[test]
 fn mirrored_and_turned_recordings_are_noticed() {
     let map = |change: fn(Vector3<f64>) -> Vector3<f64>| {
         error_of(|w| {

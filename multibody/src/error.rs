@@ -32,7 +32,9 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum InputError {
     /// The operating system refuses.
-    #[error("{file}: cannot be read ({source})")]
+    #[error(
+        "{file}: cannot be read ({source}); give the path of a file that is there, may be read and, where it is text, is UTF-8"
+    )]
     Io {
         /// The file.
         file: PathBuf,

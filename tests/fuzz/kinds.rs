@@ -146,9 +146,9 @@ fn of_trial(folder: &Path, file: &str) -> Vec<Base> {
     let trial = if file == "force.mot" { "trial_mot.toml" } else { "trial.toml" };
     let mut optimize = command(&format!("optimize {trial}"), 0.03);
     // Sound files that do not fit together are named by the trial.
-    optimize.names = vec!["trial", "DM"];
+    optimize.names = vec!["trial", "DM", "motion.trc", "force."];
     let mut check = command(&format!("check {trial}"), 0.3);
-    check.names = vec!["trial"];
+    check.names = vec!["trial", "motion.trc", "force."];
     vec![base(
         file,
         text.clone().into_bytes(),

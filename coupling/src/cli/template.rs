@@ -133,12 +133,12 @@ pub fn run(arguments: &TemplateArguments) -> Result<Outcome, CommandError> {
 
 /// All keys of a scene, with the values of one where it is named.
 fn scene_text(given: Option<&Path>) -> Result<String, CommandError> {
-    let mut filled = Filled::default();
-    filled.heading = vec![
+    let heading = vec![
         "A scene: what `compare`, `step` and `plan` simulate. Every key may be left away; then it has the default of the page docs/keys.md.".into(),
         "What it would simulate and cost: sartorius plan THIS_FILE".into(),
         String::new(),
     ];
+    let mut filled = Filled { heading, ..Filled::default() };
     if let Some(given) = given {
         let text = scene::text(given)?;
         let table: toml::Table = toml::from_str(&text).map_err(|_| unreadable(given))?;

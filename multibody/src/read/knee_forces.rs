@@ -6,6 +6,9 @@ use super::text::{check_increasing, decode, number, shortened};
 use super::{file_bytes, malformed};
 use crate::error::{InputError, Place};
 
+/// No knee bears more \[N\]: a thousand body weights.
+const LARGEST_FORCE: f64 = 1e6;
+
 /// Newtons per pound-force.
 const POUND_FORCE: f64 = 4.448_221_6;
 
@@ -103,6 +106,11 @@ fn parse(file: &Path, bytes: &[u8]) -> Result<KneeForces, InputError> {
             for (sum, share) in force.iter_mut().zip(shares).filter(|(_, share)| *share != 0.0) {
                 *sum += share * value;
             }
+        }
+        if let Some(wrong) = force.iter().find(|f| f.abs() > LARGEST_FORCE) {
+            let problem = format!("a force of {wrong:.1e} N");
+            let remedy = "no knee bears that; correct the row or the unit";
+            return Err(malformed(file, Place::Line(line), problem, remedy));
         }
         forces.time.push(time);
         forces.medial.push(force[0]);

@@ -66,11 +66,14 @@ fn heights(report: &CompareReport) -> Vec<f64> {
         .thigh
         .muscles
         .iter()
-        .map(|m| {
-            let faces = &report.thigh.mesh.surfaces[&format!("{}/surface", m.name)];
-            Surface::from_faces(&report.thigh.mesh.points, faces).0
+        .filter_map(|m| {
+            let faces = report.thigh.mesh.surfaces.get(&format!("{}/surface", m.name))?;
+            Some(Surface::from_faces(&report.thigh.mesh.points, faces).0)
         })
         .collect();
+    if surfaces.is_empty() {
+        return Vec::new(); // the rigid leg alone
+    }
     let bounds: Vec<_> = surfaces.iter().map(Surface::bounds).collect();
     let low = bounds.iter().map(|b| b.0.y).fold(f64::INFINITY, f64::min);
     let high = bounds.iter().map(|b| b.1.y).fold(f64::NEG_INFINITY, f64::max);

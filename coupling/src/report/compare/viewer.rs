@@ -29,7 +29,7 @@ const RISING: [&str; 8] =
 const DIVERGING: [&str; 9] =
     ["#1f4e9c", "#3f86c0", "#8fc0de", "#c6dcea", "#dfe5ee", "#f3cfc4", "#ee9c86", "#d25c4a", "#a3152c"];
 /// Bones are ivory and tissue without value dark grey: neither is a colour of a field.
-const BONE: &str = "#e9ddb8";
+const BONE: &str = "#eadaa6";
 const MISSING: &str = "#77746e";
 /// Colours end at this share of the values: stress peaks at single corners would leave everything else in one colour.
 const SHOWN: f64 = 0.98;
