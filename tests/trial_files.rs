@@ -369,7 +369,12 @@ fn a_trial_without_a_plate_is_refused() {
     let none = |w: &mut Walking| {
         w.replace("plates = [1]", "plates = []");
     };
-    refused!(error_of(none), InputError::BadValue { .. }, "`plates`", "name the plates that the foot steps on");
+    refused!(
+        error_of(none),
+        InputError::BadValue { .. },
+        "`plates`",
+        "name the plates that the foot steps on"
+    );
 }
 
 #[test]

@@ -181,7 +181,7 @@ fn table(_: &Path) -> Vec<Base> {
 
 /// Both forms of measured knee forces, on the time of the built-in walker.
 fn knee_force(_: &Path) -> Vec<Base> {
-    let rows = |row: &dyn Fn(usize) -> String| (0..60).map(|k| row(k)).collect::<String>();
+    let rows = |row: &dyn Fn(usize) -> String| (0..60).map(row).collect::<String>();
     let ours = rows(&|k| format!("{:.3},{},{}\n", 0.02 * k as f64, 700 + k, 300 - k));
     let cells = rows(&|k| format!("{:.3},{},40,30,{}, \n", 0.02 * k as f64, 50 + k, 20 + k));
     let commands = |file: &str| {

@@ -131,8 +131,7 @@ fn fuzz(kind: &Kind, arguments: &Arguments) -> usize {
 /// What is wrong with how a run ended.
 fn objections(ended: &Run, command: &kinds::Command, base: &kinds::Base, untouched: bool) -> Vec<String> {
     let mut found = Vec::new();
-    let last =
-        |text: &str| text.lines().filter(|l| !l.trim().is_empty()).next_back().unwrap_or("").to_string();
+    let last = |text: &str| text.lines().rfind(|l| !l.trim().is_empty()).unwrap_or("").to_string();
     match ended.how {
         Ended::Panic => {
             let line = ended.stderr.lines().find(|l| l.contains("panicked at"));
@@ -186,7 +185,7 @@ fn shape(text: &str) -> String {
     for c in letters.chars() {
         if c == '`' {
             quoted = !quoted;
-        } else if !quoted && !(c == '0' && out.ends_with('0')) {
+        } else if !(quoted || c == '0' && out.ends_with('0')) {
             out.push(c);
         }
     }

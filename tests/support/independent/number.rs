@@ -54,7 +54,7 @@ impl Wide {
 
     /// eˣ: Taylor's series of x less whole multiples of ln 2, over 2⁹, squared nine times.
     pub fn exp(self) -> Wide {
-        if !(self.hi.abs() < 700.0) {
+        if self.hi.is_nan() || self.hi.abs() >= 700.0 {
             return Wide::new(self.hi.exp());
         }
         const LN_2: Wide = Wide { hi: std::f64::consts::LN_2, lo: 2.319_046_813_846_299_6e-17 };

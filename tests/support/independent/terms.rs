@@ -167,12 +167,10 @@ fn directions(spec: &SolidSpec, mesh: &Mesh, cells: &[Vec<u32>]) -> Vec<Vector> 
     }
 }
 
-fn fibres<'a>(
-    spec: &'a FibreSpec,
-    scene: &Scene,
-    mesh: &Mesh,
-    cells: &dyn Fn(&str) -> (CellKind, Vec<Vec<u32>>),
-) -> Term<'a> {
+/// Kind and nodes of the cells of a block.
+type Cells<'a> = dyn Fn(&str) -> (CellKind, Vec<Vec<u32>>) + 'a;
+
+fn fibres<'a>(spec: &'a FibreSpec, scene: &Scene, mesh: &Mesh, cells: &Cells) -> Term<'a> {
     let area = |i: usize| if spec.area.len() == 1 { spec.area[0] } else { spec.area[i] };
     let point = |n: u32| mesh.points[n as usize].map(Wide::new);
     let distance = |a: Vector, b: Vector| norm(std::array::from_fn(|i| b[i] - a[i]));
