@@ -8,7 +8,9 @@ use fem::mesh::generate;
 use fem::scene::*;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use support::Random;
-use support::fem_scenes::{distorted_box, held, laws, mooney_rivlin, plan, solid, solve, tolerance};
+use support::fem_scenes::{
+    distorted_box, held, laws, mooney_rivlin, plan, solid, solve, symmetry_planes, tolerance,
+};
 
 /// A bar of 100 × 30 × 30 mm with nine embedded fibres (benchmark b04).
 fn fibre_bar() -> (fem::mesh::Mesh, Scene) {
@@ -31,11 +33,7 @@ fn fibre_bar() -> (fem::mesh::Mesh, Scene) {
     let scene = Scene {
         solids: vec![solid("block", mooney_rivlin(), None)],
         fibres: vec![fibres],
-        prescribed: vec![
-            held("x_min", [true, false, false]),
-            held("y_min", [false, true, false]),
-            held("z_min", [false, false, true]),
-        ],
+        prescribed: symmetry_planes(),
         ..Scene::default()
     };
     (mesh, scene)

@@ -7,7 +7,7 @@ use fem::plan::Plan;
 use fem::run::{Drive, run};
 use fem::scene::*;
 use nalgebra::Vector3;
-use support::fem_scenes::{held, plan, solid, solve, tolerance};
+use support::fem_scenes::{held, plan, solid, solve, symmetry_planes, tolerance};
 
 const MU: f64 = 3.75e3;
 /// So stiff that the tube is incompressible to 1e-4.
@@ -318,11 +318,7 @@ fn the_reaction_of_an_octant_is_the_stress_in_its_wall_without_the_pressure_on_t
     let scene = Scene {
         solids: vec![wall()],
         pressures: vec![inside("inner")],
-        prescribed: vec![
-            held("x_min", [true, false, false]),
-            held("y_min", [false, true, false]),
-            held("z_min", [false, false, true]),
-        ],
+        prescribed: symmetry_planes(),
         ..Scene::default()
     };
     let plan = plan(&scene, &mesh);

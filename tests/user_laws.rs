@@ -20,7 +20,7 @@ use fem::scene::*;
 use fem::solve::Settings;
 use laws::{Active, Guccione};
 use nalgebra::Vector3;
-use support::fem_scenes::{held, plan, solve, tolerance};
+use support::fem_scenes::{held, plan, solve, symmetry_planes, tolerance};
 
 /// Force \[N\] of a pressure on a surface and its moment about the origin \[N·m\], from nothing but the corners of its faces: the area of a
 /// bilinear face as a vector is half the product of its diagonals; the moment is integrated with 3 × 3 points.
@@ -108,11 +108,7 @@ fn active_second_piola_stress_shortens_a_cube_as_it_should() {
     let law = LawSpec::user(Active(passive)).along(along).driven_by(&["tension"]);
     let scene = Scene {
         solids: vec![SolidSpec::new("block", law)],
-        prescribed: vec![
-            held("x_min", [true, false, false]),
-            held("y_min", [false, true, false]),
-            held("z_min", [false, false, true]),
-        ],
+        prescribed: symmetry_planes(),
         ..Scene::default()
     };
     let plan = plan(&scene, &mesh);

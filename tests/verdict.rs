@@ -5,7 +5,7 @@ use fem::plan::Plan;
 use fem::run::{Drive, DriveFrame, Run, Session, run};
 use fem::scene::{ForceSpec, LawSpec, PrescribedSpec, PressureSpec, Scene, SolidSpec};
 use fem::solve::{NotConverged, Reason, Settings, SolveError};
-use support::fem_scenes::{held, mooney_rivlin, plan};
+use support::fem_scenes::{held, mooney_rivlin, plan, symmetry_planes};
 
 fn go(plan: &Plan, loads: &[f64], settings: &Settings) -> Run {
     let frame = |p: &f64| DriveFrame { time: *p, load: plan.load(&[("load", *p)], &[]).unwrap() };
@@ -30,11 +30,7 @@ fn sphere() -> Plan {
             origin: Some([0.0; 3]),
             control: "load".into(),
         }],
-        prescribed: vec![
-            held("x_min", [true, false, false]),
-            held("y_min", [false, true, false]),
-            held("z_min", [false, false, true]),
-        ],
+        prescribed: symmetry_planes(),
         ..Scene::default()
     };
     plan(&scene, &mesh)

@@ -212,8 +212,7 @@ impl RunFiles {
             });
         }
         summary["loose_load_steps"] = json!(run.count(|island| island.loose_steps));
-        summary["frames_tested_for_stability"] =
-            json!(run.frames.iter().filter(|f| f.islands.iter().all(|i| i.tested_stable)).count());
+        summary["frames_tested_for_stability"] = json!(run.frames_tested_for_stability());
         if let Some(frame) = &run.unsolved {
             summary["unsolved_time"] = json!(self.beside.time(run.frames.len(), frame.time));
             summary["last_good_state"] = json!(file_name(&self.unsolved));

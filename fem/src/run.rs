@@ -87,6 +87,11 @@ impl Run {
             .max_by(|a, b| a.advance.relative_residual().total_cmp(&b.advance.relative_residual()))
     }
 
+    /// Solved frames all of whose equilibria were tested for stability and are minima of the potential.
+    pub fn frames_tested_for_stability(&self) -> usize {
+        self.frames.iter().filter(|frame| frame.islands.iter().all(|island| island.tested_stable)).count()
+    }
+
     /// Sum of a count over all islands of all solved frames.
     pub fn count(&self, of: impl Fn(&Advance) -> usize) -> usize {
         self.frames.iter().flat_map(|frame| &frame.islands).map(of).sum()

@@ -78,6 +78,12 @@ pub fn held(set: &str, components: [bool; 3]) -> PrescribedSpec {
     PrescribedSpec { nodes: set.to_string(), components, displacement: vec![], control: None }
 }
 
+/// Rollers on the planes x = 0, y = 0 and z = 0 of a [`generate::block`] or of an octant.
+pub fn symmetry_planes() -> Vec<PrescribedSpec> {
+    let rollers = |(c, set)| held(set, std::array::from_fn(|i| i == c));
+    ["x_min", "y_min", "z_min"].into_iter().enumerate().map(rollers).collect()
+}
+
 /// Plan of a scene; panics with the mistake.
 pub fn plan(scene: &Scene, mesh: &Mesh) -> Plan {
     Plan::new(scene, mesh.clone()).unwrap_or_else(|e| panic!("{e}"))

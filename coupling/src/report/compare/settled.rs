@@ -36,11 +36,7 @@ impl Settled {
             wanted: worst.wanted,
             forces: worst.force_scale,
             loose_load_steps: run.count(|island| island.loose_steps),
-            frames_tested_for_stability: run
-                .frames
-                .iter()
-                .filter(|frame| frame.islands.iter().all(|island| island.tested_stable))
-                .count(),
+            frames_tested_for_stability: run.frames_tested_for_stability(),
         })
     }
 }
