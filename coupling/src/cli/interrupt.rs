@@ -1,19 +1,36 @@
 //! Ctrl-C, and being told to end: says what was kept, then ends as the signal does, so that a shell stops its loop, too.
 
+#[cfg(unix)]
+use std::sync::{Mutex, Once, PoisonError};
+
 use crate::output::claim::Claim;
+
+/// What the run that goes on leaves.
+#[cfg(unix)]
+type Left = Box<dyn Fn() -> Option<String> + Send>;
 
 /// From here on a signal that ends the process says first what the run of `claim` leaves. A signal that is ignored (`nohup`, a job in
 /// the background) stays so.
 #[cfg(unix)]
 pub(super) fn watch(claim: &Claim) {
+    static LEFT: Mutex<Option<Left>> = Mutex::new(None);
+    static WATCHING: Once = Once::new();
+    *LEFT.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(claim.stopper()));
+    // One for the process, however many commands run in it.
+    WATCHING.call_once(|| wait(&LEFT));
+}
+
+/// Starts to wait for the signals.
+#[cfg(unix)]
+fn wait(left: &'static Mutex<Option<Left>>) {
     use signal_hook::consts::{SIGINT, SIGTERM};
     let ignored = ignored();
     let heard = [SIGINT, SIGTERM].into_iter().filter(|signal| ignored & (1 << (signal - 1)) == 0);
     let Ok(mut signals) = signal_hook::iterator::Signals::new(heard) else { return };
-    let left = claim.stopper();
     std::thread::spawn(move || {
         if let Some(signal) = signals.forever().next() {
-            if let Some(said) = left() {
+            let left = left.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if let Some(said) = left.and_then(|left| left()) {
                 eprintln!("\n{said}");
             }
             let _ = signal_hook::low_level::emulate_default_handler(signal);

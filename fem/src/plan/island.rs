@@ -115,6 +115,8 @@ pub struct Island {
     pattern: Arc<Pattern>,
     slots: Vec<Slots>,
     tied: Vec<TiedGroup>,
+    /// Effect and group of the cells with a volume all of whose nodes are prescribed.
+    prescribed: Vec<(usize, usize)>,
     /// Forces \[N\] below which nothing is in play.
     least_scale: f64,
 }
@@ -174,6 +176,13 @@ impl Island {
         let pattern = Arc::new(Pattern::new(free_nodes.len(), coupled.iter().copied()));
         let slots = effects.iter().zip(&places).map(|(e, p)| pattern.slots(e.nodes_per_group(), p)).collect();
         let rest = State { x: &X, controls: &vec![0.0; n_controls] };
+        let mut prescribed = Vec::new();
+        for (e, effect) in effects.iter().enumerate() {
+            let groups = effect.nodes().chunks_exact(effect.nodes_per_group()).enumerate();
+            let held = groups.filter(|(_, group)| group.iter().all(|&n| free_of(n) == PRESCRIBED));
+            prescribed
+                .extend(held.map(|(g, _)| (e, g)).filter(|&(_, g)| effect.group_det_f(&rest, g).is_some()));
+        }
         let least_scale = effects.iter().map(|e| strain_force(e.as_ref(), &rest)).fold(0.0, f64::max);
         Island {
             name,
@@ -191,6 +200,7 @@ impl Island {
             pattern,
             slots,
             tied,
+            prescribed,
             least_scale,
         }
     }
@@ -322,18 +332,18 @@ impl Island {
     /// The worst of the cells that `load` turns inside out because all their nodes are prescribed: its det F, and which it is. The solver
     /// never sees them move.
     pub fn folded(&self, load: &Load) -> Option<(f64, String)> {
+        if self.prescribed.is_empty() {
+            return None;
+        }
         let mut x = self.X.clone();
         self.prescribe(load, &mut x);
         let s = State { x: &x, controls: &load.controls };
-        let prescribed = |group: &[u32]| group.iter().all(|&n| n == NO_NODE || self.free_index(n).is_none());
         let mut worst = None;
-        for (effect, cells) in self.effects.iter().zip(&self.cells) {
-            let groups = effect.nodes().chunks_exact(effect.nodes_per_group()).enumerate();
-            for (g, _) in groups.filter(|(_, group)| prescribed(group)) {
-                let Some(det) = effect.group_det_f(&s, g) else { break };
-                if !(det > 0.0) && worst.as_ref().is_none_or(|(w, _)| det < *w) {
-                    worst = Some((det, format!("element {} in `{}`", cells[g], effect.name())));
-                }
+        for &(e, g) in &self.prescribed {
+            let effect = &self.effects[e];
+            let det = effect.group_det_f(&s, g).expect("a cell with a volume");
+            if !(det > 0.0) && worst.as_ref().is_none_or(|(w, _)| det < *w) {
+                worst = Some((det, format!("element {} in `{}`", self.cells[e][g], effect.name())));
             }
         }
         worst
