@@ -5,9 +5,9 @@
 
 use super::{Effect, Groups, MembraneState, Part, State, mean, point};
 use crate::element::psd::lift;
-use crate::element::shape::Rule;
+use crate::element::shape::{Rule, contract};
 use crate::material::membrane::MembraneLaw;
-use nalgebra::{Matrix3x2, Vector3};
+use nalgebra::Matrix3x2;
 use rayon::prelude::*;
 
 /// Membrane cells with `N` nodes and `G` quadrature points.
@@ -37,7 +37,8 @@ impl<const N: usize, const G: usize> Membrane<N, G> {
             let X = n.map(|n| points[n as usize]);
             let (mut dn, mut w) = ([[[0.0; 2]; N]; G], [0.0; G]);
             for g in 0..G {
-                let [t1, t2] = tangents(&X, &rule.dn[g]);
+                let tangents = contract(&X, &rule.dn[g]);
+                let (t1, t2) = (tangents.column(0), tangents.column(1));
                 let area = t1.cross(&t2).norm();
                 if !(area > 0.0) {
                     return Err(cell);
@@ -60,20 +61,9 @@ impl<const N: usize, const G: usize> Membrane<N, G> {
     }
 
     fn deformation_gradient(&self, cell: usize, g: usize, x: &[f64]) -> Matrix3x2<f64> {
-        let mut F = Matrix3x2::zeros();
-        for (&n, d) in self.groups.nodes::<N>(cell).iter().zip(&self.dn[cell][g]) {
-            let p = point(x, n);
-            for i in 0..3 {
-                F[(i, 0)] += p[i] * d[0];
-                F[(i, 1)] += p[i] * d[1];
-            }
-        }
-        F
+        let nodes = self.groups.nodes::<N>(cell).map(|n| point(x, n));
+        contract(&nodes, &self.dn[cell][g])
     }
-}
-
-fn tangents<const N: usize>(X: &[[f64; 3]; N], dn: &[[f64; 2]; N]) -> [Vector3<f64>; 2] {
-    [0, 1].map(|d| X.iter().zip(dn).map(|(X, dn)| Vector3::from(*X) * dn[d]).sum())
 }
 
 /// ∂(det C)/∂F = 2 F cof C and cof C.

@@ -10,7 +10,7 @@
 //! 2nd ed., §8.5.
 
 use super::{Effect, Groups, Part, State, point};
-use crate::element::shape;
+use crate::element::shape::{self, contract};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
@@ -52,12 +52,8 @@ impl Pressure {
 
     /// The tangents ∂x/∂ξ, ∂x/∂η at point `g` of a face with nodes at `x`.
     fn tangents(&self, g: usize, x: &[Vector3<f64>; 4]) -> [Vector3<f64>; 2] {
-        let mut t = [Vector3::zeros(); 2];
-        for (x, dn) in x.iter().zip(&self.rule.dn[g]) {
-            t[0] += x * dn[0];
-            t[1] += x * dn[1];
-        }
-        t
+        let t = contract(&x.map(<[f64; 3]>::from), &self.rule.dn[g]);
+        [t.column(0).into(), t.column(1).into()]
     }
 
     fn places(&self, face: usize, x: &[f64]) -> [Vector3<f64>; 4] {

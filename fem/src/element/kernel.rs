@@ -10,6 +10,7 @@
 use crate::element::Rule;
 use crate::element::principal::lifted_tangent;
 use crate::element::psd::lift;
+use crate::element::shape::contract;
 use crate::material::{Jet, Material, Matrix3, Matrix9, Mixed, add_det_hessian, cofactor};
 
 /// How the volume change enters an element.
@@ -205,20 +206,6 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
             }
         }
     }
-}
-
-/// Σ_a x_a ⊗ d_a.
-#[inline(always)]
-pub(crate) fn contract<const N: usize>(x: &[[f64; 3]; N], d: &[[f64; 3]; N]) -> Matrix3 {
-    let mut F = [0.0; 9];
-    for a in 0..N {
-        for j in 0..3 {
-            for i in 0..3 {
-                F[i + 3 * j] += x[a][i] * d[a][j];
-            }
-        }
-    }
-    Matrix3::from_column_slice(&F)
 }
 
 /// f_a += P d_a.

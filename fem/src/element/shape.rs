@@ -117,3 +117,22 @@ pub fn quad4() -> Rule<4, 4, 2> {
 pub fn tri3() -> Rule<3, 1, 2> {
     Rule { w: [0.5], n: [[1.0 / 3.0; 3]], dn: [[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]] }
 }
+
+/// Σ_a x_a ⊗ d_a, for d_a whose sum is zero as that of derivatives of shape functions is. Computed as Σ_{a>0} (x_a − x_0) ⊗ d_a: its
+/// round-off grows with the size of the element and not with its distance from the origin.
+#[inline(always)]
+pub(crate) fn contract<const N: usize, const D: usize>(
+    x: &[[f64; 3]; N],
+    d: &[[f64; D]; N],
+) -> nalgebra::SMatrix<f64, 3, D> {
+    let mut F = [[0.0; 3]; D];
+    for a in 1..N {
+        let side: [f64; 3] = std::array::from_fn(|i| x[a][i] - x[0][i]);
+        for j in 0..D {
+            for i in 0..3 {
+                F[j][i] += side[i] * d[a][j];
+            }
+        }
+    }
+    F.into()
+}

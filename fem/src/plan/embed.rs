@@ -1,8 +1,7 @@
 //! Points inside hexahedra and tetrahedra: which cell, and with which shape functions.
 
 use crate::effect::line::End;
-use crate::element::kernel::contract;
-use crate::element::shape;
+use crate::element::shape::{self, contract};
 use crate::mesh::{CellKind, Mesh};
 use nalgebra::Vector3;
 

@@ -62,15 +62,14 @@ pub struct Load {
 impl Load {
     /// The load a share `t` of the way to `end`; bodies turn about `pivots` \[m\] of the mesh.
     pub fn towards(&self, end: &Load, pivots: &[[f64; 3]], t: f64) -> Load {
-        let mix = |(a, b): (&f64, &f64)| if t == 1.0 { *b } else { a + t * (b - a) };
+        // Both ends exactly: frames of a run meet there.
+        if t == 0.0 || t == 1.0 {
+            return if t == 0.0 { self.clone() } else { end.clone() };
+        }
+        let pose = |i| interpolate(&self.poses[i], &end.poses[i], pivots[i].into(), t);
         Load {
-            controls: self.controls.iter().zip(&end.controls).map(mix).collect(),
-            poses: (0..self.poses.len())
-                .map(|i| match t {
-                    1.0 => end.poses[i],
-                    _ => interpolate(&self.poses[i], &end.poses[i], pivots[i].into(), t),
-                })
-                .collect(),
+            controls: self.controls.iter().zip(&end.controls).map(|(a, b)| a + t * (b - a)).collect(),
+            poses: (0..self.poses.len()).map(pose).collect(),
         }
     }
 }

@@ -4,7 +4,8 @@ use super::SceneError;
 use super::term::{Builder, Names, Term, cells_of, check, unit};
 use crate::effect::solid::{LawField, Solid};
 use crate::effect::{Effect, State, load::add_weight};
-use crate::element::{Formulation, Rule, SolidElement, shape};
+use crate::element::shape::{self, contract};
+use crate::element::{Formulation, Rule, SolidElement};
 use crate::material::*;
 use crate::mesh::{CellBlock, CellKind, Mesh};
 use crate::scene::{FibreDirection, LawSpec, SolidSpec, UserLaw};
@@ -273,13 +274,8 @@ fn directions(
             }
             let (_, dn) = shape::hex8_at([0.0; 3]);
             let tangent = |nodes: &[u32]| {
-                let mut t = [0.0; 3];
-                for (&n, dn) in nodes.iter().zip(&dn) {
-                    for i in 0..3 {
-                        t[i] += mesh.points[n as usize][i] * dn[*axis];
-                    }
-                }
-                unit(user, t)
+                let X: [[f64; 3]; 8] = std::array::from_fn(|a| mesh.points[nodes[a] as usize]);
+                unit(user, contract(&X, &dn).column(*axis).into())
             };
             block.nodes.chunks_exact(8).map(tangent).collect()
         }

@@ -90,6 +90,11 @@ impl Run<'_> {
             (self.report.residual, self.report.force_scale, self.report.energy) = (residual, scale, energy);
             self.report.wanted = wanted;
             if residual <= wanted {
+                // A residual that is known less exactly than that may be small by chance.
+                if residual + self.k.gradient_round_off(x, &self.fixed) > wanted {
+                    let reason = self.round_off(x, residual, wanted);
+                    return Err(self.failure(potential, x, reason, iteration, &g));
+                }
                 self.report.least_det_f = potential.least_det_f(x).0;
                 return Ok(());
             }
