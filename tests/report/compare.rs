@@ -50,6 +50,7 @@ fn report(small: &Small) -> CompareReport<'_> {
         settings: &[],
         simulated: &[],
         left_out: &[],
+        notes: &[],
         calibration: &small.study.calibration,
         passes: &[],
         one_way: None,

@@ -21,7 +21,7 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use crate::report::compare::{CompareReport, Computed};
 use crate::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
-use crate::study::{Prepared, STAGES, Sized};
+use crate::study::{Prepared, STAGES, Sized, Study};
 use crate::subject::words;
 use crate::two_way::{Coupling, MOST_PASSES, Pass, write_missing, write_passes};
 
@@ -223,6 +223,7 @@ pub(super) fn carry_out(
             format!("{:.1} mm ({a}, {b})", distance * 1e3),
         ));
     }
+    let notes = notes(&prepared, &study);
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
     let seconds = record.seconds.clone();
     let computed =
@@ -238,6 +239,7 @@ pub(super) fn carry_out(
         settings: &settings,
         simulated: &simulated,
         left_out: &left_out,
+        notes: &notes,
         calibration: &study.calibration,
         passes: &passes,
         one_way: study.one_way.as_ref(),
@@ -266,7 +268,7 @@ pub(super) fn carry_out(
     let _ = if arguments.json {
         let verdict = serde_json::json!({
             "scene": prepared.scene.name, "status": record.status, "reason": record.reason,
-            "differences": record.verdict, "settled": report.settled(), "two_way": two_way.map(|_| said_of(&passes, &unsettled)), "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
+            "differences": record.verdict, "settled": report.settled(), "notes": notes, "two_way": two_way.map(|_| said_of(&passes, &unsettled)), "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
             "files": folder.join("run.json"),
         });
         writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data"))
@@ -274,6 +276,19 @@ pub(super) fn carry_out(
         print(&mut terminal, &report, &record, folder).and_then(|()| print_passes(&mut terminal, &passes))
     };
     Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
+}
+
+/// What the reader must know: doubts about the trial, warnings about the mesh.
+fn notes(prepared: &Prepared, study: &Study) -> Vec<String> {
+    let mut notes = prepared.done.case.doubts.clone();
+    for warning in study.configurations.iter().flatten().flat_map(|(plan, _)| &plan.warnings) {
+        let warning = warning.to_string();
+        // Both configurations have the same mesh.
+        if !notes.contains(&warning) {
+            notes.push(warning);
+        }
+    }
+    notes
 }
 
 /// What `--json` says of two-way coupling.
@@ -386,6 +401,9 @@ fn print(
         }
     }
     writeln!(w)?;
+    for note in report.notes {
+        writeln!(w, "  note: {note}")?;
+    }
     for settled in report.settled() {
         writeln!(w, "  {settled}")?;
     }

@@ -49,6 +49,7 @@ pub fn write_compare(
     }
     let page = compare_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    record.notes = report.notes.to_vec();
     record.verdict = serde_json::to_value(report.differences()).ok();
     record.settled = serde_json::to_value(report.settled()).expect("plain data");
     record.files = out.files().to_vec();

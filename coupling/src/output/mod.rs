@@ -137,6 +137,7 @@ pub fn write_optimize(
     let page = crate::report::optimize_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
 
+    record.notes = report.notes.to_vec();
     record.verdict = serde_json::to_value(crate::report::Summary::of(report)).ok();
     record.files = out.files().to_vec();
     record.stage("write", started.elapsed());

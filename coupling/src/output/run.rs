@@ -33,6 +33,8 @@ pub struct RunRecord {
     /// How closely the forces of deformable bodies balance; absent where there are none.
     #[serde(skip_serializing_if = "serde_json::Value::is_null")]
     pub settled: serde_json::Value,
+    /// What the reader must know: doubts about the input, warnings about the mesh.
+    pub notes: Vec<String>,
     /// Name of the trial.
     pub trial: Option<String>,
     /// Who was recorded.
@@ -73,6 +75,7 @@ impl RunRecord {
             reason: None,
             verdict: None,
             settled: serde_json::Value::Null,
+            notes: Vec::new(),
             trial: None,
             subject: None,
             program: Program::this(),

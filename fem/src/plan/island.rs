@@ -66,7 +66,7 @@ impl Load {
         if t == 0.0 || t == 1.0 {
             return if t == 0.0 { self.clone() } else { end.clone() };
         }
-        let pose = |i| interpolate(&self.poses[i], &end.poses[i], pivots[i].into(), t);
+        let pose = |i: usize| interpolate(&self.poses[i], &end.poses[i], pivots[i].into(), t);
         Load {
             controls: self.controls.iter().zip(&end.controls).map(|(a, b)| a + t * (b - a)).collect(),
             poses: (0..self.poses.len()).map(pose).collect(),

@@ -60,6 +60,8 @@ pub struct CompareReport<'a> {
     pub simulated: &'a [String],
     /// Effects that were left out, and why.
     pub left_out: &'a [(String, String)],
+    /// What the reader must know: doubts about the trial, warnings about the mesh.
+    pub notes: &'a [String],
     /// How the fibres were calibrated.
     pub calibration: &'a Calibration,
     /// Passes of two-way coupling; empty without.

@@ -253,9 +253,14 @@ pub(super) fn explanations(report: &CompareReport) -> String {
     )
 }
 
-/// What was simulated and what not.
+/// What the reader must know, what was simulated and what not.
 pub(super) fn effects(report: &CompareReport) -> String {
-    let mut out = String::from("<div class=\"grid half\"><div><h3>Simulated</h3><ul class=\"plain\">");
+    let mut out = String::new();
+    if !report.notes.is_empty() {
+        let list: String = report.notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
+        let _ = writeln!(out, "<h3>Notes</h3><ul class=\"plain\">{list}</ul>");
+    }
+    out.push_str("<div class=\"grid half\"><div><h3>Simulated</h3><ul class=\"plain\">");
     for sentence in report.simulated {
         let _ = write!(out, "<li>{}</li>", escape(sentence));
     }
