@@ -109,6 +109,19 @@ fn pounds_are_doubted_and_nothing_is_refused_for_it() {
         sartorius(&["optimize", "trials/walk.toml", "--out", "o"], walking.folder().parent().unwrap());
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(said.contains("if these are pounds"), "{said}");
+    // The same of a scene with that trial: on the console, on the page and in run.json.
+    let scene = "trial = \"trials/walk.toml\"\nmuscles = [\"gluteus_minimus\"]\nresolution_mm = 20.0\n[[step]]\nname = \"heel_strike\"\n";
+    let folder = walking.folder();
+    let folder = folder.parent().unwrap();
+    std::fs::write(folder.join("glutei.toml"), scene).unwrap();
+    let output = sartorius(&["compare", "glutei.toml", "--contact", "without", "--out", "c"], folder);
+    let said = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("  note: ") && said.contains("if these are pounds"), "{said}{errors}");
+    for file in ["report.html", "run.json"] {
+        let text = std::fs::read_to_string(folder.join("c").join(file)).unwrap();
+        assert!(text.contains("if these are pounds"), "{file}");
+    }
 }
 
 /// A trial with markers on epicondyles, malleoli and the foot, in the trial itself.
