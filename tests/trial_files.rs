@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use multibody::InputError;
 use multibody::error::Place;
-use multibody::trial::{MarkerTrack, Trial};
+use multibody::trial::{MarkerTrack, Side, Trial};
 use multibody::trial_file::{Landmarks, TrialFile};
 use multibody::walker::{Knee, walker};
 use nalgebra::Vector3;
 use support::c3d_file::C3dFile;
-use support::shared;
 use support::walking::{LEFT_PLATE, RIGHT_PLATE, Walking};
+use support::{sartorius, shared};
 
 fn shipped(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../gait-data/trials/{name}.toml"))
@@ -757,4 +757,143 @@ fn check_reports_on_trial_files() {
     let mut bad = Walking::new();
     bad.marker("heel").fill(None);
     refused!(multibody::read::check(&bad.write(), None).unwrap_err(), InputError::NeverSeen { .. }, "heel");
+}
+
+// ------------------------------------------------------------------------------------------------ both legs
+
+/// A left leg that is the mirror image of the right one is the same leg, from the markers to the page.
+#[test]
+fn the_left_leg_of_a_mirrored_walker_is_its_right_leg() {
+    let walking = Walking::new().with_mirror_image();
+    let path = walking.write();
+    let file = TrialFile::read(&path).unwrap();
+    assert_eq!(file.sides(), [Side::Right, Side::Left]);
+    let [right, left] = [Side::Right, Side::Left].map(|side| file.leg(side).load(None).unwrap());
+    assert_eq!((right.side, left.side), (Side::Right, Side::Left));
+    assert_same(&right, &left, 1e-12, 1e-9);
+
+    let run = sartorius(&["optimize", "walk.toml", "--out", "out"], &walking.folder());
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert_eq!(run.status.code(), Some(0), "{said}{}", String::from_utf8_lossy(&run.stderr));
+    assert!(said.contains("right leg") && said.contains("left leg"), "{said}");
+    let out = walking.folder().join("out");
+    for table in
+        ["kinematics", "muscle_forces", "activations", "joint_forces", "joint_moments", "ground_reaction"]
+    {
+        let read = |side: &str| std::fs::read_to_string(out.join(side).join(format!("{table}.csv"))).unwrap();
+        let (right, left) = (read("right"), read("left"));
+        assert_eq!(right.lines().next(), left.lines().next(), "{table}");
+        let numbers = |text: &str| -> Vec<f64> {
+            text.lines().skip(1).flat_map(|l| l.split(',')).map(|n| n.parse().unwrap()).collect()
+        };
+        let (right, left) = (numbers(&right), numbers(&left));
+        assert!(right.len() > 500 && right.len() == left.len(), "{table}");
+        for (a, b) in right.iter().zip(&left) {
+            assert!((a - b).abs() <= 1e-7 * (1.0 + a.abs()), "{table}: {a} and {b}");
+        }
+    }
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    for text in
+        ["right 101 of 101, left 101 of 101 frames solved", "href=\"left/report.html\"", ">lateral</b>"]
+    {
+        assert!(page.contains(text), "{text}");
+    }
+    let curves = |leg: &str| -> Vec<String> {
+        let mark = format!("data-name=\"{leg}\" d=\"");
+        page.split(&mark).skip(1).map(|rest| rest.split('"').next().unwrap().to_string()).collect()
+    };
+    assert!(curves("right").len() > 60);
+    assert_eq!(curves("right"), curves("left"), "the same curves in every figure");
+    let record: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("run.json")).unwrap()).unwrap();
+    assert_eq!(record["status"], "solved");
+    assert_eq!(record["verdict"]["right"]["solved"], record["verdict"]["left"]["solved"]);
+    assert!(record["files"].as_array().unwrap().iter().any(|f| f == "left/kinematics.csv"));
+}
+
+/// What `optimize` and `check` say of a walker of two legs after a change: the exit code and standard error of each.
+fn said_of_both(change: impl FnOnce(&mut Walking)) -> [(i32, String); 2] {
+    let mut walking = Walking::new().with_mirror_image();
+    change(&mut walking);
+    walking.write();
+    let before = std::fs::read_dir(walking.folder()).unwrap().count();
+    let said = [&["optimize", "walk.toml", "--out", "out"][..], &["check", "walk.toml"]].map(|arguments| {
+        let run = sartorius(arguments, &walking.folder());
+        (run.status.code().unwrap(), String::from_utf8(run.stderr).unwrap())
+    });
+    assert_eq!(std::fs::read_dir(walking.folder()).unwrap().count(), before, "nothing is written");
+    said
+}
+
+/// Number of the line that begins with this text, after another line.
+fn line_after(text: &str, after: &str, start: &str) -> usize {
+    let first = text.lines().position(|l| l.starts_with(after)).unwrap();
+    first + 1 + text.lines().skip(first).position(|l| l.starts_with(start)).unwrap()
+}
+
+#[test]
+fn mistakes_in_both_legs_are_told_at_once_with_the_leg_and_the_line() {
+    let mut lines = [0; 3];
+    let said = said_of_both(|w| {
+        w.replace("[left.force]\nplates = [2]", "[left.force]\nplates = [7]");
+        w.replace("[force]\nfile = \"walk.sto\"\nplates = [1]", "[force]\nfile = \"walk.sto\"\nplates = [9]");
+        w.replace("[\"M_heel\"", "[\"M_hell\"");
+        lines = [
+            line_after(&w.toml, "[left.force]", "plates"),
+            line_after(&w.toml, "[force]", "plates"),
+            line_after(&w.toml, "[left.markers]", "foot"),
+        ];
+    });
+    for (code, text) in said {
+        assert_eq!(code, 2, "{text}");
+        for (leg, line, what) in [
+            ("left", lines[0], "`plates` is 7"),
+            ("right", lines[1], "`plates` is 9"),
+            ("left", lines[2], "`M_hell` is not in"),
+        ] {
+            let start = format!("error: {leg} leg: walk.toml, line {line}: {what}");
+            assert!(text.lines().any(|l| l.starts_with(&start)), "{start}\n{text}");
+        }
+    }
+    // What is wrong with both is told once, and of no leg.
+    for (code, text) in said_of_both(|w| {
+        w.replace("\"walk.trc\"", "\"wolk.trc\"");
+    }) {
+        assert_eq!((code, text.matches("wolk.trc").count(), text.contains(" leg:")), (2, 1, false), "{text}");
+    }
+}
+
+#[test]
+fn a_left_leg_that_contradicts_the_right_one_is_refused() {
+    let refused = |from: &str, to: &str, words: &[&str]| {
+        let mut walking = Walking::new().with_mirror_image();
+        walking.replace(from, to);
+        let error = TrialFile::read(&walking.write()).expect_err(to).to_string();
+        words.iter().for_each(|word| assert!(error.contains(word), "`{word}` is not in: {error}"));
+    };
+    refused("thigh = [\"M_", "thigh = [\"", &["left leg: ", "right leg already"]);
+    refused("side = \"right\"", "side = \"left\"", &["`side` is left", "take [left] out"]);
+    refused("[left.force]\nplates = [2]", "[left.force]\nplates = []", &["left leg: ", "`plates` is empty"]);
+    refused("[left.force]\nplates = [2]", "[left.force]\nplate = [2]", &["did you mean `plates`"]);
+    let range = "[left.range]\nstart_s = 1\nend_s = 0\n[left.force]";
+    refused("[left.force]", range, &["left leg: ", "`start_s` is 1"]);
+}
+
+/// Without markers of its own for the pelvis, the left leg has those of the right one.
+#[test]
+fn the_left_leg_has_the_pelvis_of_the_right_one() {
+    let mut walking = Walking::new().with_mirror_image();
+    let pelvis = "pelvis = [\"M_RASI\", \"M_LASI\", \"M_RPSI\", \"M_LPSI\"]\n";
+    walking.replace(pelvis, "");
+    for item in ["right ASIS", "left ASIS", "right PSIS", "left PSIS"] {
+        let line = walking.toml.lines().rfind(|l| l.starts_with(&format!("\"{item}\""))).unwrap().to_string();
+        walking.toml = walking.toml.replace(&(line + "\n"), "");
+    }
+    let file = TrialFile::read(&walking.write()).unwrap();
+    let left = file.leg(Side::Left);
+    assert_eq!(left.markers.pelvis, ["RASI", "LASI", "RPSI", "LPSI"]);
+    let trial = left.load(None).unwrap();
+    assert!(trial.markers.iter().any(|m| m.name == "RASI"));
+    let Landmarks::Table { recorded, .. } = left.landmarks(None).unwrap().source else { panic!() };
+    assert_eq!((recorded["right ASIS"].as_str(), recorded["heel"].as_str()), ("LASI", "M_heel"));
 }

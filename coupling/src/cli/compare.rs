@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 
 use super::progress::Progress;
 use super::scenes::{read_scene, scenes};
-use super::{Outcome, RunArguments};
+use super::{Outcome, RunArguments, tell};
 use crate::compare::{MuscleForce, StressFree};
 use crate::error::CommandError;
 use crate::estimate::{Expected, Work};
@@ -179,6 +179,7 @@ pub(super) fn carry_out(
     let mut progress = Progress::new(&stages(&scene, asked, two_way.is_some()), quiet);
     let sized = Sized::new(scene, arguments.data.as_deref())?;
     progress.lap(STAGES[0]);
+    progress.pause(|| tell(sized.doubts()));
     if progress.is_shown() {
         let thigh = sized.draft()?;
         let works = Work::of_draft(&sized.scene, &thigh, asked);
@@ -222,6 +223,10 @@ pub(super) fn carry_out(
             "Least distance of muscles in the mesh".into(),
             format!("{:.1} mm ({a}, {b})", distance * 1e3),
         ));
+    }
+    let doubts = &prepared.done.case.doubts;
+    if !doubts.is_empty() {
+        settings.push(("Doubts about the trial".into(), doubts.join("; ")));
     }
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
     let seconds = record.seconds.clone();
