@@ -170,7 +170,9 @@ impl Held {
             }
         }
         for leg in LEG_FOLDERS {
-            let _ = fs::remove_dir(path.join(leg)); // what is not empty stays
+            if self.earlier.iter().any(|file| Path::new(file).starts_with(leg)) {
+                let _ = fs::remove_dir(path.join(leg)); // what is not empty stays
+            }
         }
         let text = self.header();
         let mut write = || -> io::Result<()> {

@@ -5,12 +5,14 @@ use std::fmt::Write;
 use multibody::trial::Table;
 use serde::Serialize;
 
+use super::figures::capital;
 use super::groups::grouped;
 use super::optimize::{View, words};
 use super::page::{document, grid, section, table};
 use super::plot::{Line, Plot, Scale, Size, TimeAxis};
 use super::svg::{escape, extent, fixed};
 use super::{OptimizeReport, Summary, column, total_knee_force};
+use crate::subject::who;
 
 /// The numbers that decide, of each leg: verdict of `run.json`, output of `--json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,9 +38,11 @@ pub fn both_page(legs: [&OptimizeReport; 2]) -> String {
         both.ground(),
         both.tables("Knee forces", "Compression of the two compartments of each knee.", "force", "N", &|r| {
             let names = ["knee_medial", "knee_lateral"];
-            let mut columns: Vec<_> =
-                names.iter().filter_map(|n| Some((words(n), column(&r.effort.reactions, n)?))).collect();
-            columns.extend(total_knee_force(r.effort).map(|total| ("knee total".to_string(), total)));
+            let mut columns: Vec<_> = names
+                .iter()
+                .filter_map(|n| Some((capital(&words(n)), column(&r.effort.reactions, n)?)))
+                .collect();
+            columns.extend(total_knee_force(r.effort).map(|total| ("Knee total".to_string(), total)));
             columns
         }),
         both.tables(
@@ -72,7 +76,7 @@ pub fn both_page(legs: [&OptimizeReport; 2]) -> String {
 /// Name and values of every column.
 fn columns_of(table: &Table, value: &dyn Fn(usize, f64) -> f64) -> Vec<(String, Vec<f64>)> {
     let values = |j| table.values.column(j).iter().enumerate().map(|(i, v)| value(i, *v)).collect();
-    table.columns.iter().enumerate().map(|(j, name)| (words(name), values(j))).collect()
+    table.columns.iter().enumerate().map(|(j, name)| (capital(&words(name)), values(j))).collect()
 }
 
 struct Both<'a> {
@@ -162,50 +166,67 @@ impl<'a> Both<'a> {
     }
 
     fn headline(&self) -> String {
-        let share = if self.axis.cycle.is_some() { " data-share=\"1\"" } else { "" };
+        let is_share = self.axis.cycle.is_some();
         let mut out = format!(
-            "<header data-start=\"0\" data-end=\"{}\"{share}>\n<p class=\"eyebrow\">Sartorius · static optimization of both legs</p>\n<h1>{}</h1>\n",
-            u8::from(self.axis.cycle.is_some()),
-            escape(&self.legs[0].trial.name)
+            "<header data-start=\"0\" data-end=\"{}\"{}>\n<p class=\"eyebrow\">Sartorius · static optimization of both legs</p>\n<h1>{}</h1>\n<p class=\"subtitle\">{}</p>\n",
+            u8::from(is_share),
+            if is_share { " data-share=\"1\"" } else { "" },
+            escape(&self.legs[0].trial.name),
+            escape(&who(self.legs[0].trial))
         );
-        let all = self.summaries.iter().all(Summary::all_solved);
-        let words: Vec<String> = LEGS
-            .iter()
-            .zip(&self.summaries)
-            .map(|((name, _), s)| format!("{name} {} of {}", s.solved, s.frames))
-            .collect();
+        let s = &self.summaries;
+        let all = s.iter().all(Summary::all_solved);
+        let counts = LEGS.iter().zip(s).map(|((name, _), s)| format!("{name} {} of {}", s.solved, s.frames));
         let _ = writeln!(
             out,
-            "<p class=\"verdict {}\"><b>{} frames solved</b><span>everything about one leg: <a href=\"right/report.html\">right</a>, <a href=\"left/report.html\">left</a></span></p>",
+            "<p class=\"verdict {}\"><b>{} frames solved</b><span>all about one leg: <a href=\"right/report.html\">right</a>, <a href=\"left/report.html\">left</a></span></p>",
             if all { "ok" } else { "bad" },
-            words.join(", ")
+            capital(&counts.collect::<Vec<_>>().join(", "))
         );
-        let number = |v: Option<f64>, digits| fixed(v.unwrap_or(f64::NAN), digits);
-        let when = |leg: usize, t: Option<f64>| {
-            let report = self.legs[leg];
-            t.map_or("–".to_string(), |t| View::of(report).when(t))
-        };
-        let vertical = |leg: usize| {
-            let up: Vec<f64> = self.legs[leg].loads.ground_force.iter().map(|f| f.y).collect();
-            extent(&up).map(|e| e.1)
-        };
-        let mut rows: Vec<Vec<String>> = Vec::new();
-        let mut row = |label: &str, of: &dyn Fn(usize) -> String| rows.push(vec![label.into(), of(0), of(1)]);
-        let s = &self.summaries;
-        row("Frames solved", &|l| format!("{} of {}", s[l].solved, s[l].frames));
-        row("Marker residual, RMS, mm", &|l| number(s[l].marker_rms_mm, 1));
-        row("Peak vertical ground reaction, N", &|l| number(vertical(l), 0));
-        row("Peak knee force, N", &|l| number(s[l].peak_knee_force_N, 0));
-        row("Peak knee force, body weights", &|l| number(s[l].peak_knee_force_bw, 2));
-        row("at", &|l| when(l, s[l].peak_knee_force_time_s));
-        row("Largest muscle load, % of strength", &|l| number(s[l].largest_load.map(|v| 100.0 * v), 0));
-        row("of", &|l| s[l].largest_load_muscle.clone().unwrap_or_else(|| "–".into()));
-        out.push_str(&table(&["", "Right leg", "Left leg"], 1, &rows));
-        for (k, (name, _)) in LEGS.iter().enumerate() {
-            let _ = write!(out, "<h3>The {name} leg</h3>\n{}", View::of(self.legs[k]).band());
+        let rows = table(&["", "Right leg", "Left leg"], 1, &self.rows());
+        let _ = writeln!(out, "<div class=\"narrow\">{rows}</div>");
+        let peaks =
+            if all { "" } else { " Peaks and loads are over solved frames; curves have gaps at the others." };
+        let _ = writeln!(
+            out,
+            "<p class=\"lead\">{}{peaks}</p>",
+            match is_share {
+                true => "Curves are over the share of each leg's own gait cycle.",
+                false => "Curves are over the time of the recording, as far as each leg is reported.",
+            }
+        );
+        for (report, (name, _)) in self.legs.iter().zip(LEGS) {
+            let view = View::of(report);
+            let _ = write!(out, "<h3>Verdict over time, {name} leg</h3>\n{}", view.band());
+            out.push_str(&view.frames_not_solved());
         }
         out.push_str("</header>\n");
         out
+    }
+
+    /// The numbers that decide: what, right, left.
+    fn rows(&self) -> Vec<Vec<String>> {
+        let s = &self.summaries;
+        let number = |v: Option<f64>, digits| fixed(v.unwrap_or(f64::NAN), digits);
+        let when =
+            |leg: usize, t: Option<f64>| t.map_or("–".to_string(), |t| View::of(self.legs[leg]).when(t));
+        let mut rows: Vec<Vec<String>> = Vec::new();
+        let mut row = |label: &str, of: &dyn Fn(usize) -> String| rows.push(vec![label.into(), of(0), of(1)]);
+        row("Frames solved", &|l| format!("{} of {}", s[l].solved, s[l].frames));
+        row("Marker residual, RMS, mm", &|l| number(s[l].marker_rms_mm, 1));
+        row("Peak vertical ground reaction, N", &|l| {
+            let up: Vec<f64> = self.legs[l].loads.ground_force.iter().map(|f| f.y).collect();
+            number(extent(&up).map(|e| e.1), 0)
+        });
+        row("Peak knee force, N", &|l| number(s[l].peak_knee_force_N, 0));
+        row("Peak knee force, body weights", &|l| number(s[l].peak_knee_force_bw, 2));
+        row("Peak knee force, when", &|l| when(l, s[l].peak_knee_force_time_s));
+        row("Largest muscle load, % of strength", &|l| number(s[l].largest_load.map(|v| 100.0 * v), 0));
+        row("Largest muscle load, of", &|l| s[l].largest_load_muscle.clone().unwrap_or_else(|| "–".into()));
+        if s.iter().any(|s| s.largest_reserve_share_time_s.is_some()) {
+            row("Reserves, % of the moments of a frame", &|l| fixed(100.0 * s[l].largest_reserve_share, 0));
+        }
+        rows
     }
 
     fn ground(&self) -> String {
@@ -215,7 +236,7 @@ impl<'a> Both<'a> {
             "force",
             "N",
             &|r| {
-                ["forward", "up", "lateral"]
+                ["Forward", "Up", "Lateral"]
                     .iter()
                     .enumerate()
                     .map(|(d, name)| (name.to_string(), r.loads.ground_force.iter().map(|f| f[d]).collect()))
@@ -225,9 +246,12 @@ impl<'a> Both<'a> {
     }
 
     fn muscles(&self) -> String {
-        let mut content = String::from(
-            "<div class=\"keys\"><span><svg class=\"key\" viewBox=\"0 0 18 8\" aria-hidden=\"true\" style=\"display:inline-block;width:18px\"><path class=\"line c1\" d=\"M1 4H17\"/></svg> right</span><span><svg class=\"key\" viewBox=\"0 0 18 8\" aria-hidden=\"true\" style=\"display:inline-block;width:18px\"><path class=\"line c2\" d=\"M1 4H17\"/></svg> left</span></div>\n",
-        );
+        let key = |(name, class): (&str, &str)| {
+            format!(
+                "<span><svg class=\"key\" viewBox=\"0 0 18 8\" aria-hidden=\"true\"><path class=\"line {class}\" d=\"M1 4H17\"/></svg>{name}</span>"
+            )
+        };
+        let mut content = format!("<div class=\"legend\">{}</div>\n", LEGS.map(key).concat());
         for (title, members) in grouped(&self.legs[0].effort.forces.columns) {
             let names: Vec<&String> =
                 members.iter().map(|&j| &self.legs[0].effort.forces.columns[j]).collect();

@@ -280,10 +280,12 @@ fn fill_subject(
     }
 }
 
-/// `[left]` beside a right leg, commented out, where the markers of that leg are complete.
+/// `[left]` beside a right leg, commented out, where the markers of that leg are complete and its landmarks are markers.
 fn offer_left(found: &Found, steps: &forces::Steps, filled: &mut Filled) {
     let segments = [SegmentId::Thigh, SegmentId::Shank, SegmentId::Foot];
-    if segments.iter().any(|s| found.tracked(*s).len() < 3) {
+    // A table of a known subject is of the right leg.
+    let has_table = filled.values.contains_key("landmarks.table");
+    if has_table || segments.iter().any(|s| found.tracked(*s).len() < 3) {
         return;
     }
     let mut left = Filled::default();
