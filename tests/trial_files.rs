@@ -766,6 +766,12 @@ fn check_reports_on_trial_files() {
 
 // ------------------------------------------------------------------------------------------------ both legs
 
+/// The curves of a leg on the page of both.
+fn curves(page: &str, leg: &str) -> Vec<String> {
+    let mark = format!("data-name=\"{leg}\" d=\"");
+    page.split(&mark).skip(1).map(|rest| rest.split('"').next().unwrap().to_string()).collect()
+}
+
 /// A left leg that is the mirror image of the right one is the same leg, from the markers to the page.
 #[test]
 fn the_left_leg_of_a_mirrored_walker_is_its_right_leg() {
@@ -803,12 +809,8 @@ fn the_left_leg_of_a_mirrored_walker_is_its_right_leg() {
     {
         assert!(page.contains(text), "{text}");
     }
-    let curves = |leg: &str| -> Vec<String> {
-        let mark = format!("data-name=\"{leg}\" d=\"");
-        page.split(&mark).skip(1).map(|rest| rest.split('"').next().unwrap().to_string()).collect()
-    };
-    assert!(curves("right").len() > 60);
-    assert_eq!(curves("right"), curves("left"), "the same curves in every figure");
+    assert!(curves(&page, "right").len() > 60);
+    assert_eq!(curves(&page, "right"), curves(&page, "left"), "the same curves in every figure");
     let record: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("run.json")).unwrap()).unwrap();
     assert_eq!(record["status"], "solved");
@@ -845,6 +847,17 @@ fn both_legs_of_a_recorded_walk() {
     assert_eq!(record["status"], "not_converged");
     assert_eq!(record["reason"], "left leg: 9 of 127 frames are not solved; see left/verdicts.csv");
 
+    // Every figure has both legs, and they are two.
+    let read = |file: &str| std::fs::read_to_string(at.path().join("jw_ngait_og3_both").join(file)).unwrap();
+    let page = read("report.html");
+    let (right, left) = (curves(&page, "right"), curves(&page, "left"));
+    assert!(right.len() > 60 && right.len() == left.len());
+    assert!(right.iter().zip(&left).all(|(a, b)| a != b));
+    assert!(page.contains("<td class=\"n\">137 of 137</td><td class=\"n\">118 of 127</td>"));
+    for (leg, frames) in [("right", 137), ("left", 127)] {
+        assert_eq!(read(&format!("{leg}/kinematics.csv")).lines().count(), 1 + frames);
+    }
+
     assert_eq!(run("jw_ngait_og3", &[]).status.code(), Some(0));
     for table in ["kinematics.csv", "muscle_forces.csv", "verdicts.csv", "gait2392_motion.mot"] {
         let read = |folder: &str| std::fs::read_to_string(at.path().join(folder).join(table)).unwrap();
@@ -857,6 +870,23 @@ fn both_legs_of_a_recorded_walk() {
     let verdict: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
     assert_eq!((&verdict["right"]["solved"], &verdict["left"]["solved"]), (&137.into(), &118.into()));
     assert!(json.stderr.is_empty());
+}
+
+/// One knee is instrumented: that of the right leg.
+#[test]
+fn measured_knee_forces_are_those_of_the_right_knee() {
+    let walking = Walking::new().with_mirror_image();
+    walking.write();
+    let rows: String = (0..150).map(|i| format!("{},500,400\n", 0.01 * f64::from(i))).collect();
+    std::fs::write(walking.folder().join("knee.csv"), format!("time_s,medial_N,lateral_N\n{rows}")).unwrap();
+    let run = sartorius(
+        &["optimize", "walk.toml", "--out", "o", "--measured", "knee.csv", "--json"],
+        &walking.folder(),
+    );
+    let verdict: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert!(verdict["right"]["measured"].is_array() && verdict["left"]["measured"].is_null(), "{verdict}");
+    let page = std::fs::read_to_string(walking.folder().join("o/left/report.html")).unwrap();
+    assert!(page.contains("compared with the right leg"));
 }
 
 /// A scene takes one leg, and says so.

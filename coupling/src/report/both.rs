@@ -73,8 +73,11 @@ pub fn both_page(legs: [&OptimizeReport; 2]) -> String {
     document(&format!("{} · both legs · Sartorius", legs[0].trial.name), &body)
 }
 
-/// Name and values of every column.
-fn columns_of(table: &Table, value: &dyn Fn(usize, f64) -> f64) -> Vec<(String, Vec<f64>)> {
+/// Name and values of each.
+type Columns = Vec<(String, Vec<f64>)>;
+
+/// The columns of a table.
+fn columns_of(table: &Table, value: &dyn Fn(usize, f64) -> f64) -> Columns {
     let values = |j| table.values.column(j).iter().enumerate().map(|(i, v)| value(i, *v)).collect();
     table.columns.iter().enumerate().map(|(j, name)| (capital(&words(name)), values(j))).collect()
 }
@@ -139,7 +142,7 @@ impl<'a> Both<'a> {
         &self,
         axis: [&'static str; 2],
         size: Size,
-        of: &dyn Fn(&OptimizeReport) -> Vec<(String, Vec<f64>)>,
+        of: &dyn Fn(&OptimizeReport) -> Columns,
     ) -> Vec<String> {
         let [right, left] = self.legs.map(of);
         let mut names: Vec<&String> = right.iter().map(|c| &c.0).collect();
@@ -159,7 +162,7 @@ impl<'a> Both<'a> {
         lead: &str,
         quantity: &'static str,
         unit: &'static str,
-        of: &dyn Fn(&OptimizeReport) -> Vec<(String, Vec<f64>)>,
+        of: &dyn Fn(&OptimizeReport) -> Columns,
     ) -> String {
         let figures = self.figures([quantity, unit], Size::Normal, of);
         if figures.is_empty() { String::new() } else { section(title, lead, &grid("normal", &figures)) }
