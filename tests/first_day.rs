@@ -326,6 +326,49 @@ fn the_template_of_a_shipped_recording_is_the_shipped_trial() {
     }
 }
 
+/// With the `#` taken from what is of the recording, the template of a walk of both legs is a trial of both.
+#[test]
+fn a_template_offers_the_left_leg_too() {
+    let Some(data) = shared("gait") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let template = |recording: &str| {
+        let folder = folder.path().to_path_buf();
+        guess(&Wishes { motion: data.join(recording), folder, ..Wishes::default() }).unwrap().text
+    };
+    let text = template("jw/jw_ngait_og3.c3d");
+    let (right, left) = text.split_once("\n# [left]\n").unwrap();
+    let wanted = ["[left.markers]", "[left.force]", "[left.range]", "[left.landmarks]"];
+    let keys = [
+        "thigh",
+        "shank",
+        "foot",
+        "plates",
+        "start_s",
+        "end_s",
+        "patella",
+        "heel",
+        "metatarsal_1",
+        "metatarsal_5",
+    ];
+    let uncommented = |line: &str| {
+        let bare = line.strip_prefix("# ").unwrap_or(line);
+        let is_key = bare.split_once(" = ").is_some_and(|(key, _)| keys.contains(&key));
+        if wanted.contains(&bare) || is_key { bare.to_string() } else { line.to_string() }
+    };
+    let left: Vec<String> = left.lines().map(uncommented).collect();
+    let path = folder.path().join("jw_ngait_og3_both.toml");
+    fs::write(&path, [right, &left.join("\n")].join("\n")).unwrap();
+    let written = TrialFile::read(&path).unwrap().leg(Side::Left);
+    let shipped =
+        TrialFile::read(&root().join("gait-data/trials/jw_ngait_og3_both.toml")).unwrap().leg(Side::Left);
+    assert_eq!((&written.markers, &written.force.plates), (&shipped.markers, &shipped.force.plates));
+    assert_eq!(written.landmarks.metatarsal_5, shipped.landmarks.metatarsal_5);
+    let trial = written.load(Some(&data.join("jw"))).unwrap();
+    assert_eq!(trial.side, Side::Left);
+    // Of subject DM the program has a table, of the right leg.
+    assert!(!template("dm/DM_ngait_og3_new.trc").contains("The left leg has its markers, too."));
+}
+
 #[test]
 fn a_template_turns_units_and_finds_the_left_leg() {
     // The walker as a left leg in a laboratory with z up, in metres that claim to be millimetres, names of a common set with a prefix.

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use coupling::cache::{Cache, FOLDER};
 use coupling::output::claim::{Claim, Identity};
+use support::walking::Walking;
 use support::{program, sartorius};
 
 fn text(bytes: &[u8]) -> String {
@@ -163,6 +164,52 @@ fn two_runs_in_one_folder_are_one_too_many() {
     child.wait().unwrap();
     let (code, words) = code_and_words(&["optimize", "--out", "o", "--force"], at.path());
     assert_eq!(code, Some(0), "{words}");
+}
+
+#[test]
+fn the_folders_of_both_legs_belong_to_the_run_of_the_trial() {
+    let both = Walking::new().with_mirror_image();
+    let at = both.write().parent().unwrap().to_path_buf();
+    let (one, out) = (both.toml.split("\n[left.").next().unwrap(), at.join("o"));
+    let run = || code_and_words(&["optimize", "walk.toml", "--out", "o", "--quiet"], &at);
+    let names = || everything(&out).into_keys().collect::<Vec<_>>();
+    assert_eq!(run(), (Some(0), String::new()), "quiet");
+    let of_both = names();
+    for name in ["right/kinematics.csv", "left/report.html", "report.html", "run.json"] {
+        assert!(of_both.contains(&name.to_string()), "{name} is not in {of_both:?}");
+    }
+    assert!(!of_both.contains(&"right/run.json".to_string()), "one run, one record");
+    // What a killed run left goes, in the folders of the legs too; a file of one's own stays, and so does its folder.
+    fs::write(out.join("left/.kinematics.csv.partial"), "half").unwrap();
+    assert_eq!((run().0, names()), (Some(0), of_both.clone()));
+    fs::write(out.join("left/notes.txt"), "mine").unwrap();
+    fs::write(at.join("walk.toml"), one).unwrap();
+    assert_eq!(run().0, Some(0));
+    let of_one = names();
+    assert!(of_one.contains(&"kinematics.csv".to_string()));
+    let in_folders: Vec<&String> = of_one.iter().filter(|name| name.contains('/')).collect();
+    assert_eq!(in_folders, ["left/", "left/notes.txt"]);
+    fs::remove_file(out.join("left/notes.txt")).unwrap();
+    fs::write(at.join("walk.toml"), &both.toml).unwrap();
+    assert_eq!((run().0, names()), (Some(0), of_both));
+    // The lock is on the folder of both.
+    let claim = Claim::new(&out, Identity::new("optimize", "walk"), false).unwrap();
+    let before = everything(&out);
+    let (code, words) = run();
+    assert!(code == Some(2) && words.contains("another run"), "{words}");
+    assert!(everything(&out) == before);
+    drop(claim);
+    // A list of files that leads elsewhere is not followed.
+    fs::create_dir_all(at.join("right")).unwrap();
+    fs::write(at.join("right/mine.txt"), "mine").unwrap();
+    let marker = out.join(".sartorius");
+    let mut text = fs::read_to_string(&marker).unwrap();
+    text += "file right/../../right/mine.txt\nfile ../right/mine.txt\nfile no_contact/mine.txt\n";
+    fs::create_dir(out.join("no_contact")).unwrap();
+    fs::write(out.join("no_contact/mine.txt"), "mine").unwrap();
+    fs::write(&marker, text).unwrap();
+    assert_eq!(run().0, Some(0));
+    assert!(at.join("right/mine.txt").exists() && out.join("no_contact/mine.txt").exists());
 }
 
 fn start(arguments: &[&str], folder: &Path) -> Child {

@@ -17,6 +17,14 @@ pub enum CommandError {
     /// A file cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
+    /// What stops one leg of a trial of both.
+    #[error("{side} leg: {source}")]
+    OfLeg {
+        /// `right` or `left`.
+        side: &'static str,
+        /// Why.
+        source: Box<CommandError>,
+    },
     /// Landmarks cannot be had.
     #[error("landmarks of `{trial}`: {source}")]
     Calibration {
@@ -57,6 +65,10 @@ pub enum CommandError {
 impl CommandError {
     /// Exit code of the process: 3 where a solver failed, 2 for bad input.
     pub fn exit_code(&self) -> u8 {
-        if matches!(self, CommandError::NotConverged(_)) { 3 } else { 2 }
+        match self {
+            CommandError::NotConverged(_) => 3,
+            CommandError::OfLeg { source, .. } => source.exit_code(),
+            _ => 2,
+        }
     }
 }

@@ -13,7 +13,7 @@ use multibody::muscle::hill::{self, HillResult};
 use multibody::read::read_knee_forces;
 use multibody::share::{SharingSettings, loads, share};
 use multibody::sharing::Capacity;
-use multibody::trial::{Effort, Filters, Loads, Motion, Trial};
+use multibody::trial::{Effort, Filters, Loads, Motion, Side, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
 use multibody::walker::{Knee, walker};
 
@@ -29,6 +29,8 @@ pub struct OptimizeOptions {
     pub trial: Option<PathBuf>,
     /// Folder of the recordings.
     pub data: Option<PathBuf>,
+    /// Which leg of a trial that describes both; `None`: the right one, and [`Case::doubts`] say so.
+    pub side: Option<Side>,
     /// Ankle in place of the trial's.
     pub ankle: Option<Ankle>,
     /// Rule for the hip centre in place of the trial's.
@@ -63,8 +65,10 @@ pub struct Case {
     pub is_cycle: bool,
     /// Quality of a functional calibration.
     pub quality: Option<Quality>,
-    /// What the trial file says that rarely is so.
+    /// What the trial file says that rarely is so, or is left out of account.
     pub doubts: Vec<String>,
+    /// How long reading took.
+    pub took: Duration,
 }
 
 /// Everything that was computed.
@@ -92,6 +96,7 @@ pub struct Optimized {
 impl Case {
     /// Reads the trial and its landmarks.
     pub fn load(options: &OptimizeOptions) -> Result<Case, CommandError> {
+        let clock = Instant::now();
         let Some(path) = &options.trial else {
             if options.hip_centre.is_some_and(|h| h != HipRule::Table) {
                 let text = "--hip-centre needs a trial: the built-in walker was made with the hip centre of its table";
@@ -111,14 +116,11 @@ impl Case {
                 is_cycle: true,
                 quality: None,
                 doubts: Vec::new(),
+                took: clock.elapsed(),
             });
         };
-        if path.is_file()
-            && let Ok(text) = std::fs::read_to_string(path)
-        {
-            wanted(TomlKind::Trial, path, &text)?;
-        }
-        let file = TrialFile::read(path)?;
+        let both = trial_file(path)?;
+        let file = both.leg(options.side.unwrap_or(both.subject.side));
         let trial = file.load(options.data.as_deref())?;
         let mut spec = file.landmarks(options.data.as_deref())?;
         if let Some(rule) = options.hip_centre {
@@ -154,6 +156,13 @@ impl Case {
         if let Some((given, found)) = table {
             texts.push((given.to_string_lossy().replace('\\', "/"), text(found)?));
         }
+        let mut doubts = file.doubts(&trial);
+        if options.side.is_none() && both.left.is_some() {
+            doubts.push(format!(
+                "{} describes both legs; this is of the right one, without [left]: both are solved by sartorius optimize",
+                path.display()
+            ));
+        }
         Ok(Case {
             texts,
             ankle: options.ankle.unwrap_or(ankle),
@@ -163,11 +172,26 @@ impl Case {
             hip_centre: hip_name(&spec.hip_centre),
             is_cycle: file.range.cycle.is_some(),
             quality,
-            doubts: file.doubts(&trial),
+            doubts,
             trial,
             anatomy,
+            took: clock.elapsed(),
         })
     }
+}
+
+/// Legs that the trial describes, the one of its main tables first.
+pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, CommandError> {
+    options.trial.as_deref().map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path)?.sides()))
+}
+
+fn trial_file(path: &Path) -> Result<TrialFile, CommandError> {
+    if path.is_file()
+        && let Ok(text) = std::fs::read_to_string(path)
+    {
+        wanted(TomlKind::Trial, path, &text)?;
+    }
+    Ok(TrialFile::read(path)?)
 }
 
 /// Stages of [`optimize`].
@@ -183,16 +207,25 @@ pub fn optimize_with(
     options: &OptimizeOptions,
     lap: &mut dyn FnMut(&str),
 ) -> Result<Optimized, CommandError> {
-    let mut stages = Vec::new();
+    let case = Case::load(options)?;
+    lap(STAGES[0]);
+    solve(case, options, lap)
+}
+
+/// The same of a trial that was read; `lap` is called as each of the other [`STAGES`] ends.
+pub fn solve(
+    case: Case,
+    options: &OptimizeOptions,
+    lap: &mut dyn FnMut(&str),
+) -> Result<Optimized, CommandError> {
+    let mut stages = vec![(STAGES[0], case.took)];
     let mut clock = Instant::now();
     let mut lap = |name: &'static str| {
         lap(name);
         stages.push((name, clock.elapsed()));
         clock = Instant::now();
     };
-    let case = Case::load(options)?;
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
-    lap("read");
     let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);

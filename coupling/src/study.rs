@@ -161,6 +161,11 @@ impl Sized {
         Ok(Sized { scene, done, registration, steps, limb, inputs })
     }
 
+    /// What the trial file says that rarely is so, or is left out of account.
+    pub fn doubts(&self) -> &[String] {
+        &self.done.case.doubts
+    }
+
     /// The thigh before its mesh is made, to be counted; without muscles where the rigid leg is alone.
     pub fn draft(&self) -> Result<Thigh, CommandError> {
         let Some(limb) = &self.limb else { return Ok(names_only()) };

@@ -37,16 +37,21 @@ pub fn factors(model: &Model) -> Factors {
 
 /// Name or code, sex, mass, height and leg of who was recorded, as every result names them.
 pub fn words(trial: &Trial) -> String {
+    let leg = match trial.side {
+        Side::Right => "right leg",
+        Side::Left => "left leg, mirrored",
+    };
+    format!("{}, {leg}", who(trial))
+}
+
+/// Name or code, sex, mass and height of who was recorded.
+pub fn who(trial: &Trial) -> String {
     let subject = &trial.subject;
     let sex = match subject.sex {
         Sex::Male => "male",
         Sex::Female => "female",
     };
-    let leg = match trial.side {
-        Side::Right => "right leg",
-        Side::Left => "left leg, mirrored",
-    };
-    format!("{}, {sex}, {} kg, {} m, {leg}", subject.name, short(subject.mass), plain(subject.height, 2))
+    format!("{}, {sex}, {} kg, {} m", subject.name, short(subject.mass), plain(subject.height, 2))
 }
 
 /// Carries the built-in thigh to that size: segments grow alike in all directions, for girths are seldom known, the pelvis about the

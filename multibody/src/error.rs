@@ -1,5 +1,6 @@
 //! What can be wrong with an input file: which file, where in it, what was found, and how to mend it.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -119,6 +120,14 @@ pub enum InputError {
     /// More than one mistake, a line each.
     #[error("{}", lines(.0))]
     Several(Vec<InputError>),
+    /// What is wrong with one leg of a trial file of both.
+    #[error("{side} leg: {error}")]
+    OfLeg {
+        /// `right` or `left`.
+        side: &'static str,
+        /// The mistake.
+        error: Box<InputError>,
+    },
     /// A value of the trial file that cannot be used.
     #[error("{file}, line {line}: `{key}` is {value}; {remedy}")]
     BadValue {
@@ -346,6 +355,18 @@ pub enum InputError {
     },
 }
 
+impl InputError {
+    /// Says whose mistake it is; of several, of each.
+    pub fn of_leg(self, side: &'static str) -> InputError {
+        match self {
+            InputError::Several(all) => {
+                InputError::Several(all.into_iter().map(|error| error.of_leg(side)).collect())
+            }
+            one => InputError::OfLeg { side, error: Box::new(one) },
+        }
+    }
+}
+
 fn within(section: &str) -> String {
     if section.is_empty() { String::new() } else { format!(" in [{section}]") }
 }
@@ -387,6 +408,18 @@ impl Mistakes {
             _ => None,
         };
         pair(error).is_some_and(|p| self.0.iter().any(|e| pair(e).as_ref() == Some(&p)))
+    }
+
+    /// Takes over what is wrong with each leg of a trial, by its name: what is so with all of them once, the rest with the leg.
+    pub fn note_legs(&mut self, legs: Vec<(&'static str, Mistakes)>) {
+        let texts: Vec<BTreeSet<String>> =
+            legs.iter().map(|(_, own)| own.0.iter().map(InputError::to_string).collect()).collect();
+        for (side, own) in legs {
+            for error in own.0 {
+                let shared = texts.iter().all(|of_leg| of_leg.contains(&error.to_string()));
+                self.note(if shared { error } else { error.of_leg(side) });
+            }
+        }
     }
 
     /// The value of a result, or its mistake noted.

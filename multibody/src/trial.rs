@@ -19,6 +19,16 @@ pub enum Side {
     Left,
 }
 
+impl Side {
+    /// As written in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Side::Right => "right",
+            Side::Left => "left",
+        }
+    }
+}
+
 /// Sex, which selects the segment tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -100,6 +100,48 @@ impl Walking {
         }
     }
 
+    /// Two legs at once, the left one the mirror image of the right one at every instant: markers `M_…`, forces on the left plate, and
+    /// `[left]` in the trial file.
+    pub fn with_mirror_image(mut self) -> Self {
+        let image = |p: Vector3<f64>| Vector3::new(p.x, p.y, -p.z);
+        let images: Vec<_> = self
+            .markers
+            .iter()
+            .map(|(name, path)| (format!("M_{name}"), path.iter().map(|p| p.map(image)).collect()))
+            .collect();
+        self.plates[1] = self.plates[0].iter().map(|(f, p)| (image(*f), image(*p))).collect();
+        let rows = |key: &str| {
+            let line = self.toml.lines().find(|l| l.starts_with(&format!("{key} = ["))).unwrap();
+            line.replace("[\"", "[\"M_").replace(", \"", ", \"M_")
+        };
+        // The mirror image of the right ASIS is a left one.
+        let (_, rename) = self.toml.split_once("[landmarks.rename]\n").unwrap();
+        let rename = rename
+            .replace("\"right ", "\"RIGHT ")
+            .replace("\"left ", "\"right ")
+            .replace("\"RIGHT ", "\"left ")
+            .replace(" = \"", " = \"M_");
+        let left = format!(
+            "\n[left.markers]\n{}\n{}\n{}\n{}\n[left.force]\nplates = [2]\n[left.landmarks.rename]\n{rename}",
+            rows("pelvis"),
+            rows("thigh"),
+            rows("shank"),
+            rows("foot")
+        );
+        // Items that are called like their markers are so no longer.
+        let names = |key: &str| rows(key).split('"').skip(1).step_by(2).map(|n| n[2..].to_string()).collect();
+        let own: Vec<Vec<String>> = ["thigh", "shank", "foot"].map(names).into();
+        let items: String = own
+            .concat()
+            .iter()
+            .filter(|marker| !rename.contains(&format!("\"M_{marker}\"")))
+            .map(|marker| format!("\"{marker}\" = \"M_{marker}\"\n"))
+            .collect();
+        self.toml += &(left + &items);
+        self.markers.extend(images);
+        self
+    }
+
     /// Replaces text of the trial file, which must be there.
     pub fn replace(&mut self, from: &str, to: &str) -> &mut Self {
         assert!(self.toml.contains(from), "`{from}` is not in\n{}", self.toml);

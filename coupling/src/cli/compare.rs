@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 
 use super::progress::Progress;
 use super::scenes::{read_scene, scenes};
-use super::{Outcome, RunArguments};
+use super::{Outcome, RunArguments, tell};
 use crate::compare::{MuscleForce, StressFree};
 use crate::error::CommandError;
 use crate::estimate::{Expected, Work};
@@ -179,6 +179,7 @@ pub(super) fn carry_out(
     let mut progress = Progress::new(&stages(&scene, asked, two_way.is_some()), quiet);
     let sized = Sized::new(scene, arguments.data.as_deref())?;
     progress.lap(STAGES[0]);
+    progress.pause(|| tell(sized.doubts()));
     if progress.is_shown() {
         let thigh = sized.draft()?;
         let works = Work::of_draft(&sized.scene, &thigh, asked);

@@ -13,7 +13,7 @@ use multibody::model::Model;
 
 use super::optimize::find_trial;
 use super::progress::Progress;
-use super::{OutArguments, Outcome};
+use super::{OutArguments, Outcome, tell};
 use crate::error::CommandError;
 use crate::number::short;
 use crate::optimize::{Case, OptimizeOptions};
@@ -185,6 +185,7 @@ fn built_in(arguments: &MeshArguments) -> Result<Input, CommandError> {
         arguments.subject.as_deref().filter(|s| *s != Path::new("walker")).map(find_trial).transpose()?;
     let case =
         Case::load(&OptimizeOptions { trial, data: arguments.data.clone(), ..OptimizeOptions::default() })?;
+    tell(&case.doubts);
     let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
     let mut subject = "as measured".to_string();
     if arguments.subject.is_some() {

@@ -71,6 +71,13 @@ impl OutArguments {
     }
 }
 
+/// What a person should know of the trial, also where nothing else is said.
+fn tell(doubts: &[String]) {
+    for doubt in doubts {
+        eprintln!("note: {doubt}");
+    }
+}
+
 #[derive(Parser)]
 #[command(name = "sartorius", version = version(), about, long_about = None)]
 #[command(about = "Rigid lower limb and deformable thigh: gait steps, muscle forces, contact")]

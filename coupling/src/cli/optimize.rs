@@ -5,26 +5,34 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
+use multibody::error::Mistakes;
 use multibody::model::Ankle;
 use multibody::muscle::curves::{Curves, DeGroote2016};
-use multibody::muscle::hill::{self, Tendon};
+use multibody::muscle::hill::{self, Shares, Tendon};
+use multibody::muscle::path::Muscle;
 use multibody::share::SharingSettings;
 use multibody::sharing::{KKT_TOLERANCE, MuscleCost, ReactionCost, SharingOptions};
 use multibody::shipped;
+use multibody::trial::Side;
 use multibody::trial_file::HipRule;
+use serde::Serialize;
 
 use super::progress::Progress;
 use super::{OutArguments, Outcome};
 use crate::error::CommandError;
 use crate::number::{plain, short};
-use crate::optimize::{OptimizeOptions, Optimized, STAGES, optimize_with};
+use crate::optimize::{Case, OptimizeOptions, Optimized, STAGES, optimize_with, sides, solve};
 use crate::output::atomic::OutputFolder;
+use crate::output::claim::{Claim, LEG_FOLDERS};
 use crate::output::opensim;
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
-use crate::output::write_optimize;
+use crate::output::tables::Series;
+use crate::output::{write_both_legs, write_optimize};
+use crate::report::both::BothLegs;
+use crate::report::problems::{Mark, Run, runs};
 use crate::report::{MuscleInfo, OptimizeReport, Summary};
-use crate::subject::words;
+use crate::subject::{who, words};
 
 #[derive(Args)]
 pub struct OptimizeArguments {
@@ -62,7 +70,8 @@ pub struct OptimizeArguments {
     /// Tendons for activations.
     #[arg(long, value_enum, default_value = "elastic")]
     tendon: TendonChoice,
-    /// Measured knee forces to compare with: `time_s, medial_N, lateral_N`, or four load cells in pounds-force.
+    /// Measured knee forces to compare with: `time_s, medial_N, lateral_N`, or four load cells in pounds-force. Of a trial of both legs:
+    /// those of the right knee.
     #[arg(long, value_name = "FILE")]
     measured: Option<PathBuf>,
     /// Print the verdict as JSON.
@@ -166,6 +175,7 @@ impl OptimizeArguments {
                 ..hill::Settings::default()
             },
             measured: self.measured.clone(),
+            side: None,
         })
     }
 
@@ -256,85 +266,218 @@ pub(super) fn find_trial(given: &Path) -> Result<PathBuf, CommandError> {
     Ok(found)
 }
 
+/// A leg that was computed, with everything that its report borrows.
+struct Leg {
+    done: Optimized,
+    settings: Vec<(String, String)>,
+    muscles: Vec<MuscleInfo>,
+    cycle: Option<[f64; 2]>,
+    simulated: Vec<String>,
+    left_out: Vec<(String, String)>,
+    notes: Vec<String>,
+    gait2392: Series,
+}
+
+impl Leg {
+    fn of(done: Optimized, arguments: &OptimizeArguments) -> Leg {
+        let info = |(muscle, shares): (&Muscle, &Shares)| MuscleInfo {
+            full_name: muscle.full_name.clone(),
+            f_max: muscle.f_max,
+            clipped: Some(shares.below_zero + shares.above_one),
+        };
+        let time = &done.effort.time;
+        Leg {
+            settings: arguments.settings(&done),
+            muscles: done.model.muscles.iter().zip(&done.hill.shares).map(info).collect(),
+            cycle: (done.case.is_cycle && time.len() > 1).then(|| [time[0], time[time.len() - 1]]),
+            simulated: simulated(&done),
+            left_out: left_out(arguments, &done),
+            notes: notes(&done),
+            gait2392: opensim::motion(&done.model, &done.motion, done.case.trial.side),
+            done,
+        }
+    }
+
+    fn report(&self) -> OptimizeReport<'_> {
+        OptimizeReport {
+            trial: &self.done.case.trial,
+            motion: &self.done.motion,
+            loads: &self.done.loads,
+            effort: &self.done.effort,
+            muscles: &self.muscles,
+            cycle: self.cycle,
+            settings: &self.settings,
+            simulated: &self.simulated,
+            left_out: &self.left_out,
+            notes: &self.notes,
+            measured: self.done.measured.as_ref(),
+            gait2392: Some(&self.gait2392),
+        }
+    }
+}
+
 /// Runs the command.
 pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let options = arguments.options()?;
     let stem = options.trial.as_deref().and_then(Path::file_stem);
     let name = stem.map_or("walker".into(), |stem| stem.to_string_lossy());
     let claim = arguments.out.claim("optimize", &name)?;
+    if sides(&options)?.len() > 1 {
+        return run_both(arguments, &options, claim, quiet);
+    }
     let stages: Vec<&str> = STAGES.into_iter().chain(["write"]).collect();
     let mut progress = Progress::new(&stages, quiet);
-    let done = optimize_with(&options, &mut |stage| progress.lap(stage))?;
-    let settings = arguments.settings(&done);
-    let muscles: Vec<MuscleInfo> = done
-        .model
-        .muscles
-        .iter()
-        .zip(&done.hill.shares)
-        .map(|(muscle, shares)| MuscleInfo {
-            full_name: muscle.full_name.clone(),
-            f_max: muscle.f_max,
-            clipped: Some(shares.below_zero + shares.above_one),
-        })
-        .collect();
-    let time = &done.effort.time;
-    let cycle = (done.case.is_cycle && time.len() > 1).then(|| [time[0], time[time.len() - 1]]);
-    let report = OptimizeReport {
-        trial: &done.case.trial,
-        motion: &done.motion,
-        loads: &done.loads,
-        effort: &done.effort,
-        muscles: &muscles,
-        cycle,
-        settings: &settings,
-        simulated: &simulated(&done),
-        left_out: &left_out(arguments),
-        notes: &notes(&done),
-        measured: done.measured.as_ref(),
-        gait2392: Some(&opensim::motion(&done.model, &done.motion, done.case.trial.side)),
-    };
+    let leg = Leg::of(optimize_with(&options, &mut |stage| progress.lap(stage))?, arguments);
+    let report = leg.report();
     let folder = claim.path();
     let summary = Summary::of(&report);
-    let outcome = if summary.all_solved() { Outcome::Solved } else { Outcome::NotSolved };
-    let record = record(arguments, &done, &settings, &summary)?;
+    let record = record(arguments, &[(&leg, &summary)])?;
     let files = write_optimize(OutputFolder::begin(claim, false)?, &report, record)?;
     progress.lap("write");
     drop(progress);
-    let mut out = std::io::stdout().lock();
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data");
-        let _ = writeln!(out, "{json}");
-    } else {
-        let _ = print(&mut out, &done, &summary, &folder, files.len());
-    }
-    Ok(outcome)
+    say(arguments.json, &summary, |out| print(out, &leg.done, &summary, &folder, files.len()));
+    Ok(outcome(&[&summary]))
 }
 
-fn record(
+/// Both legs of a trial: a folder for each, and a page of both.
+fn run_both(
     arguments: &OptimizeArguments,
-    done: &Optimized,
-    settings: &[(String, String)],
-    summary: &Summary,
-) -> Result<RunRecord, CommandError> {
-    let mut record = RunRecord::new("optimize");
-    if !summary.all_solved() {
-        record.status = RunStatus::NotConverged;
-        let unsolved = summary.frames - summary.solved;
-        record.reason =
-            Some(format!("{unsolved} of {} frames are not solved; see verdicts.csv", summary.frames));
+    options: &OptimizeOptions,
+    claim: Claim,
+    quiet: bool,
+) -> Result<Outcome, CommandError> {
+    let of_side = |side| OptimizeOptions {
+        side: Some(side),
+        // One knee is instrumented: that of the main tables.
+        measured: options.measured.clone().filter(|_| side == Side::Right),
+        ..options.clone()
+    };
+    let of_leg = |side: Side, stage: &str| format!("{} {stage}", side.name());
+    let mut stages = vec![STAGES[0].to_string()];
+    stages.extend(SIDES.iter().flat_map(|side| STAGES[1..].iter().map(|stage| of_leg(*side, stage))));
+    stages.push("write".into());
+    let mut progress = Progress::new(&stages, quiet);
+    let cases = both_cases(SIDES.map(|side| Case::load(&of_side(side))))?;
+    progress.lap(STAGES[0]);
+    let mut legs = Vec::new();
+    for (case, side) in cases.into_iter().zip(SIDES) {
+        let done = solve(case, &of_side(side), &mut |stage| progress.lap(&of_leg(side, stage)));
+        legs.push(Leg::of(done.map_err(|error| stopped(side, error))?, arguments));
     }
-    record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
-    for path in done.case.inputs.iter().chain(&arguments.measured) {
+    let reports = [legs[0].report(), legs[1].report()];
+    let verdict = BothLegs::of(&reports);
+    let folder = claim.path();
+    let record = record(arguments, &[(&legs[0], &verdict.right), (&legs[1], &verdict.left)])?;
+    let files = write_both_legs(OutputFolder::begin(claim, false)?, &reports, record)?;
+    progress.lap("write");
+    drop(progress);
+    say(arguments.json, &verdict, |out| {
+        for ((leg, summary), name) in legs.iter().zip([&verdict.right, &verdict.left]).zip(LEG_FOLDERS) {
+            let own = files.iter().filter(|file| Path::new(file).starts_with(name)).count();
+            print(out, &leg.done, summary, &folder.join(name), own)?;
+            writeln!(out)?;
+        }
+        writeln!(out, "both legs side by side: {}", folder.join("report.html").display())
+    });
+    Ok(outcome(&[&verdict.right, &verdict.left]))
+}
+
+/// Legs in the order of their results.
+const SIDES: [Side; 2] = [Side::Right, Side::Left];
+
+/// The cases of both legs, or what is wrong with either.
+fn both_cases(read: [Result<Case, CommandError>; 2]) -> Result<[Case; 2], CommandError> {
+    match read {
+        [Ok(right), Ok(left)] => Ok([right, left]),
+        [Err(CommandError::Input(right)), Err(CommandError::Input(left))] => {
+            let mut wrong = Mistakes::default();
+            let [mut of_right, mut of_left] = [Mistakes::default(), Mistakes::default()];
+            of_right.note(right);
+            of_left.note(left);
+            wrong.note_legs(vec![(Side::Right.name(), of_right), (Side::Left.name(), of_left)]);
+            Err(wrong.finish().expect_err("two mistakes").into())
+        }
+        [Err(error), _] => Err(stopped(Side::Right, error)),
+        [_, Err(error)] => Err(stopped(Side::Left, error)),
+    }
+}
+
+/// What stopped one of both legs.
+fn stopped(side: Side, error: CommandError) -> CommandError {
+    match error {
+        CommandError::Input(error) => error.of_leg(side.name()).into(),
+        // What the command line says holds for both.
+        CommandError::Option(text) => CommandError::Option(text),
+        error => CommandError::OfLeg { side: side.name(), source: Box::new(error) },
+    }
+}
+
+fn outcome(summaries: &[&Summary]) -> Outcome {
+    if summaries.iter().all(|s| s.all_solved()) { Outcome::Solved } else { Outcome::NotSolved }
+}
+
+/// The verdict as JSON, or in words. A reader that closes the pipe early is no error.
+fn say(
+    json: bool,
+    verdict: &impl Serialize,
+    words: impl FnOnce(&mut std::io::StdoutLock) -> std::io::Result<()>,
+) {
+    let mut out = std::io::stdout().lock();
+    let _ = match json {
+        true => {
+            writeln!(out, "{}", serde_json::to_string_pretty(verdict).expect("a summary is plain data"))
+        }
+        false => words(&mut out),
+    };
+}
+
+/// What `run.json` says of one leg or of both.
+fn record(arguments: &OptimizeArguments, legs: &[(&Leg, &Summary)]) -> Result<RunRecord, CommandError> {
+    let mut record = RunRecord::new("optimize");
+    let is_one = legs.len() == 1;
+    let mut reasons = Vec::new();
+    for (leg, summary) in legs {
+        let done = &leg.done;
+        let side = done.case.trial.side.name();
+        let of_leg = |what: &str| if is_one { what.to_string() } else { format!("{side} {what}") };
+        if !summary.all_solved() {
+            let (whose, folder) =
+                if is_one { Default::default() } else { (format!("{side} leg: "), format!("{side}/")) };
+            reasons.push(format!(
+                "{whose}{} of {} frames are not solved; see {folder}verdicts.csv",
+                summary.frames - summary.solved,
+                summary.frames
+            ));
+        }
+        for path in &done.case.inputs {
+            let file = InputFile::of(path)?;
+            if !record.inputs.contains(&file) {
+                record.inputs.push(file);
+            }
+        }
+        for (name, took) in &done.stages {
+            record.stage(&of_leg(name), *took);
+        }
+        let fit: usize = done.motion.fit.iter().map(|f| f.iterations).sum();
+        let sharing: u64 = done.effort.verdicts.iter().map(|v| u64::from(v.iterations)).sum();
+        record.iterations.insert(of_leg("marker fit"), fit as u64);
+        record.iterations.insert(of_leg("sharing"), sharing);
+    }
+    if let Some(path) = &arguments.measured {
         record.inputs.push(InputFile::of(path)?);
     }
-    for (name, took) in &done.stages {
-        record.stage(name, *took);
+    if !reasons.is_empty() {
+        record.status = RunStatus::NotConverged;
+        record.reason = Some(reasons.join("; "));
     }
+    // Both legs have the same settings, and the same command computes both again.
+    let Leg { done, settings, .. } = legs[0].0;
+    record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
     record.of_trial(&done.case.trial);
+    if !is_one {
+        record.subject = Some(format!("{}, both legs", who(&done.case.trial)));
+    }
     record.again = arguments.again(done);
-    let fit: usize = done.motion.fit.iter().map(|f| f.iterations).sum();
-    let sharing: u64 = done.effort.verdicts.iter().map(|v| u64::from(v.iterations)).sum();
-    record.iterations = [("marker fit".to_string(), fit as u64), ("sharing".to_string(), sharing)].into();
     Ok(record)
 }
 
@@ -348,7 +491,7 @@ fn simulated(done: &Optimized) -> Vec<String> {
     ]
 }
 
-fn left_out(arguments: &OptimizeArguments) -> Vec<(String, String)> {
+fn left_out(arguments: &OptimizeArguments, done: &Optimized) -> Vec<(String, String)> {
     let mut list = vec![
         ("Deformable thigh".to_string(), "optimize is the rigid side alone".to_string()),
         (
@@ -358,6 +501,9 @@ fn left_out(arguments: &OptimizeArguments) -> Vec<(String, String)> {
     ];
     if arguments.reserves.is_none() {
         list.push(("Reserve moments".to_string(), "not asked for (--reserves)".to_string()));
+    }
+    if arguments.measured.is_some() && done.measured.is_none() && done.not_compared.is_none() {
+        list.push(("Measured knee forces".to_string(), "compared with the right leg".to_string()));
     }
     list
 }
@@ -433,10 +579,10 @@ fn warnings(done: &Optimized) -> Vec<String> {
 
 /// Marker residual that no soft tissue explains \[m\].
 const DOUBTFUL_RESIDUAL: f64 = 0.025;
-/// Unsolved frames that are spelt out on the terminal.
-const REASONS_SHOWN: usize = 8;
+/// Runs of unsolved frames that are spelt out on the terminal.
+const PROBLEMS_SHOWN: usize = 8;
 
-/// The summary in words. A reader that closes the pipe early is no error.
+/// The summary in words.
 fn print(
     out: &mut impl Write,
     done: &Optimized,
@@ -521,18 +667,21 @@ fn print(
     for note in warnings(done) {
         writeln!(out, "  note: {note}")?;
     }
-    let reasons: Vec<(usize, &String)> = done
-        .effort
-        .verdicts
-        .iter()
-        .enumerate()
-        .filter_map(|(k, verdict)| Some((k, verdict.reason.as_ref()?)))
-        .collect();
-    for (k, reason) in reasons.iter().take(REASONS_SHOWN) {
-        writeln!(out, "  frame {k} at {:.3} s: {reason}", done.effort.time[*k])?;
+    let runs = runs(&done.motion, &done.effort);
+    let problems: Vec<&Run> = runs.iter().filter(|r| r.mark != Mark::Solved).collect();
+    for problem in problems.iter().take(PROBLEMS_SHOWN) {
+        let time = &done.effort.time;
+        let (first, last) = (time[problem.frames.start], time[problem.frames.end - 1]);
+        let (frames, when) = match problem.frames.len() {
+            1 => ("frame", format!("{first:.3} s")),
+            _ => ("frames", format!("{first:.3} to {last:.3} s")),
+        };
+        let (numbers, how) = (problem.numbers(), problem.mark.words());
+        writeln!(out, "  {frames} {numbers} ({when}): {how}, {}", problem.why)?;
     }
-    if reasons.len() > REASONS_SHOWN {
-        writeln!(out, "  … and {} more frames; see verdicts.csv", reasons.len() - REASONS_SHOWN)?;
+    if problems.len() > PROBLEMS_SHOWN {
+        let more = problems.len() - PROBLEMS_SHOWN;
+        writeln!(out, "  … and {more} more such runs of frames; see verdicts.csv")?;
     }
     let seconds: f64 = done.stages.iter().map(|s| s.1.as_secs_f64()).sum();
     writeln!(

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::Outcome;
 use super::scenes::{read_scene, scenes};
+use super::{Outcome, tell};
 use crate::error::CommandError;
 use crate::estimate::{Expected, Stage, Work};
 use crate::scene::Scene;
@@ -38,6 +38,7 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
     let data = arguments.data.as_deref();
     let (scene, thigh, works) = if arguments.exact {
         let prepared = Prepared::new(scene, data, &mut |_| ())?;
+        tell(&prepared.done.case.doubts);
         let work = |c: usize| -> Result<Option<Work>, CommandError> {
             let wanted = asked[c] && prepared.made.is_some();
             wanted.then(|| Ok(Work::of_plan(&prepared.plan(&prepared.thigh, c)?))).transpose()
@@ -46,6 +47,7 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
         (prepared.scene, prepared.thigh, works)
     } else {
         let sized = Sized::new(scene, data)?;
+        tell(sized.doubts());
         let thigh = sized.draft()?;
         let works = Work::of_draft(&sized.scene, &thigh, asked);
         (sized.scene, thigh, works)

@@ -14,7 +14,7 @@ pub struct Progress {
     bar: ProgressBar,
     lines: bool,
     /// What is to come, and how many seconds it is expected to take, where that is known.
-    coming: Vec<(&'static str, Option<f64>)>,
+    coming: Vec<(String, Option<f64>)>,
     ahead: Arc<Mutex<Ahead>>,
     clock: Instant,
     seconds: Vec<(String, f64)>,
@@ -37,8 +37,9 @@ impl Ahead {
 
 impl Progress {
     /// Of a run with these stages in this order.
-    pub fn new(stages: &[&'static str], quiet: bool) -> Progress {
-        let coming: Vec<(&str, Option<f64>)> = stages.iter().map(|stage| (*stage, None)).collect();
+    pub fn new(stages: &[impl ToString], quiet: bool) -> Progress {
+        let coming: Vec<(String, Option<f64>)> =
+            stages.iter().map(|stage| (stage.to_string(), None)).collect();
         let terminal = std::io::stderr().is_terminal();
         let clock = Instant::now();
         let ahead = Arc::new(Mutex::new(Ahead { since: clock, stage: 0.0, later: None }));
@@ -72,7 +73,7 @@ impl Progress {
 
     /// Shows that the stage of this number goes on.
     fn show(&self, stage: usize) {
-        let expected = |stages: &[(&str, Option<f64>)]| stages.iter().map(|s| s.1).sum::<Option<f64>>();
+        let expected = |stages: &[(String, Option<f64>)]| stages.iter().map(|s| s.1).sum::<Option<f64>>();
         let of = |k: usize| self.coming.get(k).and_then(|s| s.1);
         if let Ok(mut ahead) = self.ahead.lock() {
             let later = expected(self.coming.get(stage + 1..).unwrap_or(&[]));
@@ -83,7 +84,12 @@ impl Progress {
             };
         }
         self.bar.set_position(stage as u64);
-        self.bar.set_message(self.coming.get(stage).map_or("writing", |s| s.0));
+        self.bar.set_message(self.coming.get(stage).map_or("writing".into(), |s| s.0.clone()));
+    }
+
+    /// Says something on standard error, away from the bar.
+    pub fn pause(&self, say: impl FnOnce()) {
+        self.bar.suspend(say);
     }
 
     /// A stage is over.

@@ -43,25 +43,36 @@ impl OutputFolder {
         &self.files
     }
 
-    /// Writes one file through `fill`. When `fill` or the disk fails nothing appears under `name`.
+    /// Writes one file through `fill`; the name may have a folder before it. When `fill` or the disk fails nothing appears under `name`.
     pub fn write(
         &mut self,
         name: &str,
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<(), OutputError> {
-        let temporary = self.path.join(format!(".{name}.partial"));
+        let path = self.path.join(name);
+        let last = path.file_name().unwrap_or_default().to_string_lossy();
+        let temporary = path.with_file_name(format!(".{last}.partial"));
         let written = self
             .claim
             .note(name)
+            .and_then(|()| self.make_folder_of(&path))
             .and_then(|()| write_file(&temporary, fill))
-            .and_then(|()| fs::rename(&temporary, self.path.join(name)))
-            .map_err(|e| OutputError::at("write", &self.path.join(name), e));
+            .and_then(|()| fs::rename(&temporary, &path))
+            .map_err(|e| OutputError::at("write", &path, e));
         if written.is_err() {
             let _ = fs::remove_file(&temporary); // the first error is the one to report
         } else {
             self.files.push(name.to_string());
         }
         written
+    }
+
+    /// Makes the folder before the name of a file, where it has one.
+    fn make_folder_of(&self, path: &Path) -> io::Result<()> {
+        match path.parent() {
+            Some(folder) if folder != self.path => fs::create_dir_all(folder),
+            _ => Ok(()),
+        }
     }
 
     /// Lets `write` make the file `name`, which it must do under another name first, so that nothing half appears.

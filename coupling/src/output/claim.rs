@@ -6,6 +6,7 @@
 //! A folder that is new or empty is free; names that begin with a dot do not count. A run of the same command on a scene of the same
 //! name replaces its earlier one; another run of ours is replaced where that is asked for, anything else never.
 
+use std::ffi::OsStr;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Component, Path, PathBuf};
@@ -19,7 +20,9 @@ pub const RUN_FILE: &str = "run.json";
 pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
 /// Folder of the frames of the one-way result, where there is a two-way one.
 pub const ONE_WAY_FOLDER: &str = "one_way";
-/// Name of the files in them.
+/// Folders of the right and of the left leg, where a trial describes both.
+pub const LEG_FOLDERS: [&str; 2] = ["right", "left"];
+/// Name of the files in the folders of frames.
 const FRAMES: &str = "thigh";
 /// Marks a folder as ours.
 const MARKER: &str = ".sartorius";
@@ -161,12 +164,14 @@ impl Held {
             }
         }
         if self.before.is_some() {
-            for entry in fs::read_dir(path).map_err(|e| OutputError::at("list the folder", path, e))? {
-                let name = entry.map_err(|e| OutputError::at("list the folder", path, e))?.file_name();
-                let name = name.to_string_lossy();
-                if name.starts_with('.') && name.ends_with(".partial") {
-                    remove(&path.join(&*name))?; // left behind by a run that was killed
-                }
+            let legs = LEG_FOLDERS.map(|leg| path.join(leg));
+            for folder in std::iter::once(path).chain(legs.iter().filter(|leg| leg.is_dir())) {
+                remove_partial(folder)?;
+            }
+        }
+        for leg in LEG_FOLDERS {
+            if self.earlier.iter().any(|file| Path::new(file).starts_with(leg)) {
+                let _ = fs::remove_dir(path.join(leg)); // what is not empty stays
             }
         }
         let text = self.header();
@@ -293,10 +298,15 @@ fn read_record(path: &Path) -> Option<serde_json::Value> {
     (ours && record["command"].is_string()).then_some(record)
 }
 
-/// Whether this names a file in the folder itself.
+/// Whether this names a file in the folder itself, or in that of a leg.
 fn is_plain(name: &str) -> bool {
     let mut parts = Path::new(name).components();
-    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
+    let is_leg = |folder: &OsStr| LEG_FOLDERS.iter().any(|leg| *leg == folder);
+    match (parts.next(), parts.next(), parts.next()) {
+        (Some(Component::Normal(_)), None, None) => true,
+        (Some(Component::Normal(folder)), Some(Component::Normal(_)), None) => is_leg(folder),
+        _ => false,
+    }
 }
 
 /// States that a run can go on from.
@@ -319,6 +329,19 @@ fn remove_folders(made: &[PathBuf]) {
     for folder in made.iter().rev() {
         let _ = fs::remove_dir(folder);
     }
+}
+
+/// Removes what a run left behind that was killed.
+fn remove_partial(folder: &Path) -> Result<(), OutputError> {
+    let at = |e| OutputError::at("list the folder", folder, e);
+    for entry in fs::read_dir(folder).map_err(at)? {
+        let name = entry.map_err(at)?.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with('.') && name.ends_with(".partial") {
+            remove(&folder.join(&*name))?;
+        }
+    }
+    Ok(())
 }
 
 /// Makes sure that a file is not there.

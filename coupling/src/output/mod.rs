@@ -17,8 +17,10 @@ use std::time::Instant;
 use thiserror::Error;
 
 use crate::report::OptimizeReport;
+use crate::report::both::{BothLegs, both_page};
 use crate::subject::words;
 use atomic::OutputFolder;
+use claim::LEG_FOLDERS;
 use run::RunRecord;
 use tables::Series;
 
@@ -97,22 +99,51 @@ pub fn write_optimize(
     mut record: RunRecord,
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
+    write_leg(&mut out, "", report)?;
+    record.notes = report.notes.to_vec();
+    record.verdict = serde_json::to_value(crate::report::Summary::of(report)).ok();
+    finish(out, record, started)
+}
+
+/// The same for the right and the left leg of a trial, each in a [folder of its own](claim::LEG_FOLDERS), with a page of both beside them.
+/// `record` speaks for both.
+pub fn write_both_legs(
+    mut out: OutputFolder,
+    legs: &[OptimizeReport; 2],
+    mut record: RunRecord,
+) -> Result<Vec<String>, OutputError> {
+    let started = Instant::now();
+    for (folder, report) in LEG_FOLDERS.iter().zip(legs) {
+        write_leg(&mut out, &format!("{folder}/"), report)?;
+    }
+    let page = both_page([&legs[0], &legs[1]]);
+    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    for (side, leg) in LEG_FOLDERS.iter().zip(legs) {
+        record.notes.extend(leg.notes.iter().map(|note| format!("{side} leg: {note}")));
+    }
+    record.verdict = serde_json::to_value(BothLegs::of(legs)).ok();
+    finish(out, record, started)
+}
+
+/// Tables, files for OpenSim users and the page of one leg. `within`: what comes before their names, empty or a folder with its slash.
+fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> Result<(), OutputError> {
     let name = &report.trial.name;
     let who = words(report.trial);
+    let at = |file: &str| format!("{within}{file}");
 
     let kinematics = tables::kinematics(report.motion);
     let forces = tables::muscle_forces(report.effort);
     let activations = tables::activations(report.effort);
-    write_csv(&mut out, "kinematics", &kinematics)?;
-    write_csv(&mut out, "muscle_forces", &forces)?;
-    write_csv(&mut out, "activations", &activations)?;
-    write_csv(&mut out, "joint_forces", &tables::joint_forces(report.effort))?;
-    write_csv(&mut out, "joint_moments", &tables::joint_moments(report.loads))?;
-    write_csv(&mut out, "ground_reaction", &tables::ground_reaction(report.loads))?;
-    out.write("verdicts.csv", |w| tables::write_verdicts(w, report.motion, report.effort))?;
-    write_if_any(&mut out, "reserves", tables::reserves(report.effort))?;
-    write_if_any(&mut out, "least_violation", tables::least_violation(report.effort))?;
-    write_if_any(&mut out, "measured_knee", report.measured.map(tables::measured_knee))?;
+    write_csv(out, &at("kinematics"), &kinematics)?;
+    write_csv(out, &at("muscle_forces"), &forces)?;
+    write_csv(out, &at("activations"), &activations)?;
+    write_csv(out, &at("joint_forces"), &tables::joint_forces(report.effort))?;
+    write_csv(out, &at("joint_moments"), &tables::joint_moments(report.loads))?;
+    write_csv(out, &at("ground_reaction"), &tables::ground_reaction(report.loads))?;
+    out.write(&at("verdicts.csv"), |w| tables::write_verdicts(w, report.motion, report.effort))?;
+    write_if_any(out, &at("reserves"), tables::reserves(report.effort))?;
+    write_if_any(out, &at("least_violation"), tables::least_violation(report.effort))?;
+    write_if_any(out, &at("measured_knee"), report.measured.map(tables::measured_knee))?;
 
     let side = report.trial.side;
     let forces = forces.without_units();
@@ -129,16 +160,18 @@ pub fn write_optimize(
     storage.extend(report.gait2392.map(|motion| ("gait2392_motion.mot", motion, true)));
     for (file, series, degrees) in storage {
         let stem = file.split('.').next().unwrap_or(file);
-        out.write(file, |w| sto::write(w, &format!("{name} {stem} ({who})"), series, degrees))?;
+        out.write(&at(file), |w| sto::write(w, &format!("{name} {stem} ({who})"), series, degrees))?;
     }
     let names = std::iter::zip(&report.effort.forces.columns, report.muscles);
     let names: Vec<(&str, &str)> = names.map(|(name, m)| (name.as_str(), m.full_name.as_str())).collect();
-    out.write("gait2392_names.csv", |w| opensim::write_names(w, &names, side))?;
+    out.write(&at("gait2392_names.csv"), |w| opensim::write_names(w, &names, side))?;
     let page = crate::report::optimize_page(report);
-    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    out.write(&at("report.html"), |w| w.write_all(page.as_bytes()))?;
+    Ok(())
+}
 
-    record.notes = report.notes.to_vec();
-    record.verdict = serde_json::to_value(crate::report::Summary::of(report)).ok();
+/// Completes the record and the folder.
+fn finish(out: OutputFolder, mut record: RunRecord, started: Instant) -> Result<Vec<String>, OutputError> {
     record.files = out.files().to_vec();
     record.stage("write", started.elapsed());
     record.peak_memory_mib = run::peak_memory_mib();

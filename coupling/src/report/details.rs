@@ -39,7 +39,7 @@ impl View<'_> {
     }
 
     /// A row per run of frames that are not solved.
-    fn frames_not_solved(&self) -> String {
+    pub(super) fn frames_not_solved(&self) -> String {
         let row = |run: &Run| vec![run.numbers(), self.span(run), run.mark.words().into(), run.why.clone()];
         let rows: Vec<Vec<String>> = self.runs.iter().filter(|r| r.mark != Mark::Solved).map(row).collect();
         if rows.is_empty() {

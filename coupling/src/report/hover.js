@@ -38,8 +38,11 @@
   const main = document.querySelector("main");
   const start = Number(main.querySelector("header").dataset.start);
   const end = Number(main.querySelector("header").dataset.end);
+  const share = main.querySelector("header").dataset.share;
   const when = (t) =>
-    t.toFixed(3) + " s" + (end > start ? ` · ${((100 * (t - start)) / (end - start)).toFixed(1)} %` : "");
+    share
+      ? `${(100 * t).toFixed(1)} %`
+      : t.toFixed(3) + " s" + (end > start ? ` · ${((100 * (t - start)) / (end - start)).toFixed(1)} %` : "");
 
   for (const plot of plots) {
     plot.svg.addEventListener("pointermove", (event) => {

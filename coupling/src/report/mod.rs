@@ -6,6 +6,7 @@
 #![allow(non_snake_case)]
 
 pub mod anatomy;
+pub mod both;
 pub mod compare;
 mod details;
 mod figures;

@@ -12,8 +12,7 @@ use super::{OptimizeReport, Reserve, STANCE_THRESHOLD, Summary};
 
 /// The whole page. All tables of the report have one row per reported frame.
 pub fn optimize_page(report: &OptimizeReport) -> String {
-    let summary = Summary::of(report);
-    let view = View { report, axis: time_axis(report), summary, runs: runs(report.motion, report.effort) };
+    let view = View::of(report);
     let body = [
         view.headline(),
         view.knee(),
@@ -58,7 +57,7 @@ fn time_axis(report: &OptimizeReport) -> TimeAxis {
             stance.push([first.0, last.0]);
         }
     }
-    TimeAxis { time: report.effort.time.clone(), cycle: report.cycle, stance }
+    TimeAxis { time: report.effort.time.clone(), cycle: report.cycle, seconds: true, stance }
 }
 
 /// A column name for people: `hip_flexion` → `hip flexion`, `acl` → `ACL`.
@@ -69,7 +68,12 @@ pub(super) fn words(name: &str) -> String {
     }
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    pub(super) fn of(report: &'a OptimizeReport<'a>) -> View<'a> {
+        let runs = runs(report.motion, report.effort);
+        View { report, axis: time_axis(report), summary: Summary::of(report), runs }
+    }
+
     /// `45 % (0.559 s)`, or the seconds alone.
     pub(super) fn when(&self, t: f64) -> String {
         match self.axis.percent(t) {
@@ -111,6 +115,7 @@ impl View<'_> {
             );
         }
         out.push_str(&self.tiles());
+        out.push_str("<h3>Verdict over time</h3>\n");
         out.push_str(&self.band());
         out.push_str("</header>\n");
         out
@@ -169,13 +174,13 @@ impl View<'_> {
     }
 
     /// One piece per run of frames that ended the same way, as long as it lasts: colour, letter, and the reason in its title.
-    fn band(&self) -> String {
+    pub(super) fn band(&self) -> String {
         let time = &self.report.effort.time;
         let frames = |mark: Mark| {
             self.runs.iter().filter(move |r| r.mark == mark).map(|r| r.frames.len()).sum::<usize>()
         };
         let mut out = format!(
-            "<h3>Verdict over time</h3>\n<div class=\"band\" role=\"img\" aria-label=\"{} of {} frames solved; the table below says which are not\">",
+            "<div class=\"band\" role=\"img\" aria-label=\"{} of {} frames solved; the table below says which are not\">",
             frames(Mark::Solved),
             time.len()
         );

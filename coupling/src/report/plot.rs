@@ -14,6 +14,8 @@ pub struct TimeAxis {
     pub time: Vec<f64>,
     /// Heel strike to next heel strike \[s\]; `None` where the frames are no cycle, then the axis shows seconds.
     pub cycle: Option<[f64; 2]>,
+    /// Whether figures of a cycle show seconds, too; not where the times are shares of several cycles.
+    pub seconds: bool,
     /// Times of ground contact, shaded \[s\].
     pub stance: Vec<[f64; 2]>,
 }
@@ -324,7 +326,7 @@ impl Plot<'_> {
                 for &p in &ticks.at {
                     label(x(start + p / 100.0 * (end - start)), 15.0, 4.0, &ticks.label(p), "mid");
                 }
-                if !small {
+                if !small && self.axis.seconds {
                     let seconds = Ticks::new(t0, t1, 5);
                     // The corner belongs to the label of the vertical axis.
                     for &t in seconds.at.iter().filter(|&&t| x(t) > frame.left + 16.0) {
@@ -471,7 +473,7 @@ mod tests {
     use super::*;
 
     fn range(values: Vec<f64>) -> (f64, f64) {
-        let axis = TimeAxis { time: vec![0.0, 1.0], cycle: None, stance: vec![] };
+        let axis = TimeAxis { time: vec![0.0, 1.0], cycle: None, seconds: true, stance: vec![] };
         let line = Line { name: "f".into(), class: "c1", time: None, values };
         let plot = Plot {
             title: String::new(),

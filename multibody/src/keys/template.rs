@@ -13,6 +13,8 @@ pub struct Filled {
     pub values: BTreeMap<String, String>,
     /// Dotted path → what to say of it, a line each; for a required key without value: what to fill in.
     pub notes: BTreeMap<String, Vec<String>>,
+    /// Dotted path → value as TOML of a key that stays commented out, in place of its example.
+    pub offers: BTreeMap<String, String>,
 }
 
 impl Filled {
@@ -65,17 +67,23 @@ pub fn template(keys: &[Key], filled: &Filled) -> String {
             // Sections inside of arrays of tables are left to the page of keys.
             _ if keys.iter().any(|k| k.path == section.section() && matches!(k.kind, Kind::Sections)) => {}
             _ => {
-                // A section with required keys and none of them known, which may be absent, is commented out as a whole.
-                let inside = || keys.iter().filter(|k| k.section() == section.path);
-                let open = section.need == Need::Required
-                    || filled.has_below(section.path)
-                    || inside().all(|k| k.need != Need::Required);
+                let open = is_open(keys, section, filled);
                 head(&mut text, section, filled, !open);
                 values(&mut text, keys, section.path, section.path, filled, !open);
             }
         }
     }
     text
+}
+
+/// A section with required keys and none of them known, which may be absent, is commented out as a whole, and all sections inside.
+fn is_open(keys: &[Key], section: &Key, filled: &Filled) -> bool {
+    let inside = || keys.iter().filter(|k| k.section() == section.path);
+    let around = keys.iter().find(|k| k.path == section.section());
+    around.is_none_or(|around| is_open(keys, around, filled))
+        && (section.need == Need::Required
+            || filled.has_below(section.path)
+            || inside().all(|k| k.need != Need::Required))
 }
 
 /// A line of a comment: what a recording says may hold anything, and a comment ends with its line.
@@ -113,18 +121,19 @@ fn values(text: &mut String, keys: &[Key], section: &str, at: &str, filled: &Fil
             format!(" [{}]", key.unit)
         };
         notes(text, filled, &path);
+        let example = filled.offers.get(&path).map_or(key.example, String::as_str);
         let line = match (filled.values.get(&path), key.need) {
             (Some(value), _) if !commented => format!("{} = {value} # {}{unit}", key.name(), key.meaning),
             (_, Need::Default(value)) if !commented => {
                 format!("{} = {value} # {}{unit}", key.name(), key.meaning)
             }
             (_, Need::Required) if !commented => {
-                format!("# FILL IN: {} = {} # {}{unit}", key.name(), key.example, key.meaning)
+                format!("# FILL IN: {} = {example} # {}{unit}", key.name(), key.meaning)
             }
             (_, Need::Optional(absent)) => {
-                format!("# {} = {} # {}{unit}; absent: {absent}", key.name(), key.example, key.meaning)
+                format!("# {} = {example} # {}{unit}; absent: {absent}", key.name(), key.meaning)
             }
-            _ => format!("# {} = {} # {}{unit}", key.name(), key.example, key.meaning),
+            _ => format!("# {} = {example} # {}{unit}", key.name(), key.meaning),
         };
         *text += &(line + "\n");
     }

@@ -8,7 +8,8 @@ use super::{
 };
 use crate::error::{InputError, Mistakes};
 use crate::natural::SegmentId;
-use crate::trial_file::{Landmarks, TrialFile, read_landmarks};
+use crate::trial::Trial;
+use crate::trial_file::{LandmarkSpec, Landmarks, TrialFile, read_landmarks};
 
 /// Reads a file of any kind that the program takes and says what it holds.
 ///
@@ -86,12 +87,20 @@ fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
     let mut wrong = Mistakes::default();
     let file = TrialFile::examine(path, &file_bytes(path)?, &mut wrong);
     // Mistakes of the file do not hide those of the recordings.
-    let read = file.as_ref().map(|f| (wrong.keep(f.load(data)), wrong.keep(f.landmarks(data))));
-    wrong.finish()?;
-    let Some((file, (Some(trial), Some(landmarks)))) = file.zip(read) else {
-        return Err(InputError::UnknownKind { file: path.to_path_buf(), wanted: "a trial file" });
+    let load = |leg: &TrialFile, wrong: &mut Mistakes| {
+        let (trial, landmarks) = (wrong.keep(leg.load(data)), wrong.keep(leg.landmarks(data)));
+        Some(words_of(leg, &trial?, &landmarks?))
     };
-    let source = match landmarks.source {
+    let legs: Option<Vec<String>> =
+        file.and_then(|file| file.each_leg(&mut wrong, load).into_iter().collect());
+    wrong.finish()?;
+    let legs = legs.ok_or(InputError::UnknownKind { file: path.to_path_buf(), wanted: "a trial file" })?;
+    Ok(format!("Trial file{}. {}", if legs.len() > 1 { " of both legs" } else { "" }, legs.join("\n  ")))
+}
+
+/// What a trial file says of one leg.
+fn words_of(file: &TrialFile, trial: &Trial, landmarks: &LandmarkSpec) -> String {
+    let source = match &landmarks.source {
         Landmarks::Table { items, .. } => format!("a table of {} items", items.len()),
         Landmarks::Markers { .. } => "landmark markers".to_string(),
         Landmarks::Functional { motions, .. } => {
@@ -105,9 +114,9 @@ fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
         .map(|m| m.position[trial.report.clone()].iter().filter(|p| p.is_none()).count())
         .sum();
     let peak = trial.ground.force.iter().map(|f| f.y).fold(0.0, f64::max);
-    let doubts: String = file.doubts(&trial).iter().map(|doubt| format!("\n  doubt: {doubt}")).collect();
-    Ok(format!(
-        "Trial file. {} ({:?} leg, {} kg, {} m). {} markers in {} frames, {:.4} to {:.4} s; reported are {} frames, {:.4} to {:.4} s, with {} \
+    let doubts: String = file.doubts(trial).iter().map(|doubt| format!("\n  doubt: {doubt}")).collect();
+    format!(
+        "{} ({:?} leg, {} kg, {} m). {} markers in {} frames, {:.4} to {:.4} s; reported are {} frames, {:.4} to {:.4} s, with {} \
          missing marker positions. Ground reaction from {} samples, up to {:.0} N ({:.2} body weights). Landmarks from {source}.{doubts}",
         file.subject.name,
         trial.side,
@@ -124,7 +133,7 @@ fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
         trial.ground.time.len(),
         peak,
         peak / (9.81 * trial.subject.mass),
-    ))
+    )
 }
 
 fn markers(recording: &MarkerRecording) -> String {

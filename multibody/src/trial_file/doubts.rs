@@ -267,7 +267,7 @@ fn axes_and_sides(file: &TrialFile, recorded: &Recorded, tracks: &[MarkerTrack])
         (Some(a), Some(p), ..) if a < 0.0 && p < 0.0 && leg < 0.0 => {
             let problem = format!(
                 "right ASIS, right PSIS and the {} leg are on the wrong side ({:.0}, {:.0}, {:.0} mm): the recording is mirrored",
-                side_name(file.subject.side),
+                file.subject.side.name(),
                 1e3 * a,
                 1e3 * p,
                 1e3 * leg
@@ -285,7 +285,7 @@ fn axes_and_sides(file: &TrialFile, recorded: &Recorded, tracks: &[MarkerTrack])
     if leg < 0.0 {
         let problem = format!(
             "`side` is {}, but the thigh markers are {:.0} mm on the other side of the pelvis",
-            side_name(file.subject.side),
+            file.subject.side.name(),
             -1e3 * leg
         );
         return wrong(problem, "correct `side`, or name the markers of that leg");
@@ -331,17 +331,10 @@ pub(super) fn landmark_sides(
                 reason: format!(
                     "the outer one lies {:.0} mm on the inner side of the {} leg",
                     -1e3 * sum / count,
-                    side_name(file.subject.side)
+                    file.subject.side.name()
                 ),
             });
         }
-    }
-}
-
-pub(super) fn side_name(side: Side) -> &'static str {
-    match side {
-        Side::Right => "right",
-        Side::Left => "left",
     }
 }
 

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
-use super::doubts::side_name;
 use super::load::Recorded;
 use super::{PlateColumns, TrialFile};
 use crate::error::{InputError, Mistakes, Place};
@@ -248,7 +247,7 @@ pub(super) fn steps(
                 Some(distance) => InputError::WrongFoot {
                     file: plate.file.clone(),
                     plate: plate.number,
-                    side: side_name(file.subject.side),
+                    side: file.subject.side.name(),
                     distance,
                 },
                 None => unseen_foot(file, plates, recording, plate, &runs),
@@ -335,7 +334,7 @@ fn unseen_foot(
                 plate.number,
                 span(run).0,
                 span(run).1,
-                side_name(file.subject.side)
+                file.subject.side.name()
             ),
             remedy: "recover the foot markers, or leave this plate out and give `start_s` and `end_s`"
                 .to_string(),

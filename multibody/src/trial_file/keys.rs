@@ -95,6 +95,36 @@ pub const KEYS: &[Key] = &[
 
     key("gaps", Section, Optional("the defaults of its keys"), "", "What to do about gaps in marker paths", ""),
     key("gaps.fill_up_to_frames", Count(0, 1_000_000), Default("0"), "frames", "Longest gap that is filled by a cubic through its neighbours; 0 fills none", "10"),
+
+    key("left", Section, Optional("the leg of `side` alone"), "", "The left leg of a recording of both: `optimize` solves both, and everything else here is then of the right one (`side = \"right\"`)", ""),
+
+    key("left.markers", Section, Required, "", "Markers that move with each segment of the left leg", ""),
+    key("left.markers.pelvis", Texts, Optional("those of the right leg"), "", "Markers on the pelvis", "[\"RASI\", \"LASI\", \"RPSI\", \"LPSI\"]"),
+    key("left.markers.thigh", Texts, Required, "", "Markers on the left thigh", "[\"LTHI\", \"LKNE\", \"LKNM\"]"),
+    key("left.markers.shank", Texts, Required, "", "Markers on the left shank", "[\"LTIB\", \"LANK\", \"LANM\"]"),
+    key("left.markers.foot", Texts, Required, "", "Markers on the left foot", "[\"LHEE\", \"LTOE\", \"LMT5\"]"),
+
+    key("left.force", Section, Required, "", "Plates of the left foot; file, axes and columns are those of [force]", ""),
+    key("left.force.plates", Counts(1, 1000), Required, "", "Numbers of the plates that the left foot steps on", "[2]"),
+    key("left.force.next_plate", Count(1, 1000), Optional("the next step is not on a plate"), "", "Plate of the next step of the left foot: its heel strike ends the cycle", "3"),
+
+    key("left.range", Section, Optional("as for the right leg, cycles counted on the plates of the left foot"), "", "Part of the recording that is reported of the left leg: a cycle, or start_s and end_s", ""),
+    key("left.range.cycle", Count(1, 1000), Optional("start_s and end_s are given"), "", "The n-th gait cycle of the left leg", "1"),
+    key("left.range.start_s", Number(f64::MIN, f64::MAX), Optional("cycle is given"), "s", "First time that is reported, on the clock of the recording", "1.75"),
+    key("left.range.end_s", Number(f64::MIN, f64::MAX), Optional("cycle is given"), "s", "Last time that is reported", "3.0"),
+
+    key("left.landmarks", Section, Optional("with a table, that of the right leg, mirrored"), "", "Landmarks of the left leg; source, hip centre, recordings and the markers of the pelvis are those of [landmarks]", ""),
+    key("left.landmarks.table", File, Optional("that of the right leg"), "", "Table of local coordinates of the left leg (CSV)", "\"DM_left.csv\""),
+    key("left.landmarks.rename", Map, Optional("names of the table are those of the markers"), "", "Item of the table = recorded marker of the left leg; items of the pelvis are as for the right one", "\"lateral epicondyle\" = \"LKNE\""),
+    key("left.landmarks.lateral_epicondyle", Text, Optional("needed by source = \"markers\" alone"), "", "Marker on the outer epicondyle of the left femur", "\"LKNE\""),
+    key("left.landmarks.medial_epicondyle", Text, Optional("needed by source = \"markers\" alone"), "", "Marker on the inner epicondyle of the left femur", "\"LKNM\""),
+    key("left.landmarks.lateral_malleolus", Text, Optional("needed by source = \"markers\" alone"), "", "Marker on the outer malleolus", "\"LANK\""),
+    key("left.landmarks.medial_malleolus", Text, Optional("needed by source = \"markers\" alone"), "", "Marker on the inner malleolus", "\"LANM\""),
+    key("left.landmarks.fibula_head", Text, Optional("not used"), "", "Marker on the head of the fibula; read and not used today", "\"LFIB\""),
+    key("left.landmarks.patella", Text, Optional("the knee centre is where the axis comes nearest to the line from hip to ankle"), "", "Marker on the left patella", "\"LPAT\""),
+    key("left.landmarks.heel", Text, Optional("not used with a table"), "", "Marker on the left heel", "\"LHEE\""),
+    key("left.landmarks.metatarsal_1", Text, Optional("not used with a table"), "", "Marker on the head of metatarsal 1 of the left foot", "\"LMT1\""),
+    key("left.landmarks.metatarsal_5", Text, Optional("not used with a table"), "", "Marker on the head of metatarsal 5 of the left foot", "\"LMT5\""),
 ];
 
 #[cfg(test)]

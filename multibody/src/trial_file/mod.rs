@@ -9,6 +9,7 @@ mod force;
 mod guess;
 mod keys;
 mod landmarks;
+mod left;
 mod load;
 mod names;
 mod paths;
@@ -22,6 +23,7 @@ pub use axes::{Axes, SignedAxis};
 pub use guess::{Guess, Wishes, guess};
 pub use keys::KEYS;
 pub use landmarks::{LandmarkSpec, Landmarks, Roles, read_landmarks};
+pub use left::{LeftEntry, LeftForce, LeftLandmarks, LeftMarkers};
 
 use crate::error::{InputError, Mistakes, Place};
 use crate::keys::examine;
@@ -71,6 +73,11 @@ pub struct TrialFile {
     /// Recordings that differ from `motion` in axes, units or gaps.
     #[serde(default)]
     pub recording: Vec<RecordingEntry>,
+    /// The left leg, where the file describes both.
+    pub left: Option<LeftEntry>,
+    /// Which leg of a file of both this is: its lines are named in errors.
+    #[serde(skip)]
+    part: Option<Side>,
 }
 
 /// `[[recording]]`: what is absent is as for `motion`.
@@ -327,7 +334,8 @@ impl TrialFile {
         let mut file: TrialFile = examine(path, text, KEYS, wrong)?.fill(path, text, wrong)?;
         file.path = path.to_path_buf();
         file.text = text.to_string();
-        file.check_values(wrong);
+        file.check_left(wrong);
+        file.each_leg(wrong, TrialFile::check_values);
         Some(file)
     }
 
@@ -440,14 +448,27 @@ impl TrialFile {
         }
     }
 
-    /// Line where a key is set, or where a name stands in quotes; 1 where it does not appear.
+    /// Line where a key is set, or where a name stands in quotes; 1 where it does not appear. Of a file of both legs, the line of this one.
     fn line_of(&self, word: &str) -> usize {
         let quoted = format!("\"{word}\"");
+        // [force] of the left leg is [left.force].
+        let of_left = word.replacen('[', "[left.", 1);
         let sets = |line: &str| {
+            let word = if line.starts_with("[left.") { &of_left } else { word };
             line.strip_prefix(word)
                 .is_some_and(|rest| word.starts_with('[') || rest.trim_start().starts_with('='))
         };
-        let at = self.text.lines().position(|line| sets(line.trim_start()) || line.contains(&quoted));
-        at.map_or(1, |i| i + 1)
+        let mut side = Side::Right;
+        let mut found = Vec::new();
+        for (line, text) in self.text.lines().map(str::trim_start).enumerate() {
+            if text.starts_with('[') {
+                side = if text.starts_with("[left") { Side::Left } else { Side::Right };
+            }
+            if sets(text) || text.contains(&quoted) {
+                found.push((side, line + 1));
+            }
+        }
+        let own = found.iter().find(|(side, _)| self.part.is_none_or(|part| part == *side));
+        own.or(found.first()).map_or(1, |(_, line)| *line)
     }
 }

@@ -11,7 +11,7 @@ use crate::natural::SegmentId;
 use crate::read::{self, TimeSeries};
 use crate::trial::Side;
 use crate::trial_file::force::{self, Contact};
-use crate::trial_file::{Axes, TrialFile, doubts};
+use crate::trial_file::{Axes, TrialFile};
 
 /// A table of forces.
 pub(super) struct Table {
@@ -176,7 +176,7 @@ pub(super) fn steps(
     if steps.contacts.is_empty() {
         steps.on_plate = false;
     }
-    let name = doubts::side_name(side);
+    let name = side.name();
     for plate in &steps.plates {
         let on: Vec<String> = steps
             .contacts
@@ -227,7 +227,7 @@ fn draft(
         axes.x,
         axes.y,
         axes.z,
-        doubts::side_name(side),
+        side.name(),
         tracked(SegmentId::Pelvis),
         tracked(SegmentId::Thigh),
         tracked(SegmentId::Shank),

@@ -195,7 +195,7 @@ pub fn guess(wishes: &Wishes) -> Result<Guess, InputError> {
     let set = leg.map(|((_, found), _)| found.set);
     let subject = subjects::known(recording.subject().as_deref(), &recording.stem(), set);
     fill_subject(wishes, &recording, subject, side, &mut filled);
-    filled.set("subject.side", format!("\"{}\"", super::doubts::side_name(side)));
+    filled.set("subject.side", format!("\"{}\"", side.name()));
     if let Some((_, steps)) = leg {
         steps.fill(table.as_ref().map(|t| below(&t.path, &wishes.folder).0), &mut filled, &mut open);
     } else {
@@ -221,6 +221,9 @@ pub fn guess(wishes: &Wishes) -> Result<Guess, InputError> {
     let mut folders: Vec<PathBuf> = data.into_iter().collect();
     if let Some(((_, found), _)) = leg {
         landmarks::fill(wishes, &recording, found, side, subject, &mut filled, &mut open, &mut folders)?;
+    }
+    if let (Side::Right, Some(k)) = (side, legs.iter().position(|(s, _)| *s == Side::Left)) {
+        offer_left(&legs[k].1, &steps[k], &mut filled);
     }
     heading(&recording, leg.map(|((_, found), steps)| (found, steps)), &folders, &mut filled);
     let text = template(KEYS, &filled);
@@ -272,9 +275,37 @@ fn fill_subject(
     if wishes.side.is_none() && recording.set(other).is_some_and(|f| f.tracked(SegmentId::Thigh).len() >= 3) {
         filled.note(
             "subject.side",
-            format!("Both legs have markers; for the other one: --side {}.", super::doubts::side_name(other)),
+            format!("Both legs have markers; for the other one: --side {}.", other.name()),
         );
     }
+}
+
+/// `[left]` beside a right leg, commented out, where the markers of that leg are complete and its landmarks are markers.
+fn offer_left(found: &Found, steps: &forces::Steps, filled: &mut Filled) {
+    let segments = [SegmentId::Thigh, SegmentId::Shank, SegmentId::Foot];
+    // A table of a known subject is of the right leg.
+    let has_table = filled.values.contains_key("landmarks.table");
+    if has_table || segments.iter().any(|s| found.tracked(*s).len() < 3) {
+        return;
+    }
+    let mut left = Filled::default();
+    steps.fill(None, &mut left, &mut Vec::new());
+    left.values.retain(|path, _| {
+        path.starts_with("range.") || path.ends_with("plates") || path.ends_with("next_plate")
+    });
+    for segment in segments {
+        left.set(&format!("markers.{}", segment.name()), list(&found.tracked(segment)));
+    }
+    // The landmarks that the right leg has.
+    for path in filled.values.keys() {
+        if let Some(name) = path.strip_prefix("landmarks.").and_then(|key| found.landmark(key)) {
+            left.set(path, quoted(name));
+        }
+    }
+    let offers = left.values.into_iter().map(|(path, value)| (format!("left.{path}"), value));
+    filled.offers.extend(offers);
+    filled.note("left", "The left leg has its markers, too. For both legs take the # from [left.markers], [left.force], [left.landmarks] and from");
+    filled.note("left", "the lines in them that hold names of this recording.");
 }
 
 /// What the recording holds, at the top of the file.
