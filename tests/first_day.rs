@@ -80,6 +80,15 @@ fn every_mistake_of_a_trial_file_is_named_at_once() {
 }
 
 #[test]
+fn a_list_of_no_plates_is_told_once_beside_other_mistakes() {
+    // An unknown key does not keep the recordings from being examined.
+    let mut walking = Walking::new();
+    walking.replace("plates = [1]", "plates = []");
+    walking.toml += "\n[filter]\nzh = 5.0\n";
+    assert_named(&mistakes(&walking), &[&["unknown key `zh`"], &["`plates` is empty"]]);
+}
+
+#[test]
 fn mistakes_of_the_recordings_are_named_together() {
     let mut walking = Walking::new();
     walking

@@ -159,8 +159,12 @@ fn of_trial(folder: &Path, file: &str) -> Vec<Base> {
 
 fn trial(folder: &Path) -> Vec<Base> {
     let mut bases: Vec<Base> = of_trial(folder, "trial.toml");
-    bases.iter_mut().for_each(|b| drop(b.commands.remove(1)));
-    for name in ["jw_ngait_og1", "jw_ngait_og3"] {
+    for base in &mut bases {
+        base.commands.remove(1);
+        // A time that no recording covers is told with the times of the recordings.
+        base.commands.iter_mut().for_each(|command| command.names.push("motion.trc"));
+    }
+    for name in ["jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og3_both"] {
         let Some(data) = shared("gait") else { continue };
         let text = repository(&format!("gait-data/trials/{name}.toml"));
         let file = format!("{name}.toml");

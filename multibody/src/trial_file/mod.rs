@@ -397,12 +397,18 @@ impl TrialFile {
                 wrong.note(self.bad_value(key, axes, remedy));
             }
         }
-        if self.force.plates.is_empty() {
-            wrong.note(self.bad_value("plates", "empty", "name the plates that the foot steps on"));
-        }
+        wrong.keep(self.check_plates());
         self.check_recordings(wrong);
         self.check_markers(wrong);
         self.check_landmarks(wrong);
+    }
+
+    /// A foot steps on at least one plate.
+    fn check_plates(&self) -> Result<(), InputError> {
+        match self.force.plates.is_empty() {
+            true => Err(self.bad_value("plates", "empty", "name the plates that the foot steps on")),
+            false => Ok(()),
+        }
     }
 
     /// `[[recording]]` says something of a recording that is used, once.
