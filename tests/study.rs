@@ -122,6 +122,10 @@ fn what_cannot_be_meant_is_refused_with_line_value_and_remedy() {
             assert!(error.contains(word), "{scene}: {error} lacks {word}");
         }
     }
+    // A muscle that has it from all muscles says nothing again.
+    let scene = "[materials]\nbulk_modulus_kpa = 8.0\n[[materials.muscle]]\nname = \"gracilis\"\ndensity_kg_m3 = 1100.0";
+    let error = parse(scene).map(|s| panic!("{s:?}")).unwrap_err();
+    assert_eq!(error.matches("times the shear modulus").count(), 2, "value and remedy, once each: {error}");
 }
 
 /// The thigh of a scene of three muscles: semitendinosus ends in strands, rectus femoris in its solid tendon.

@@ -90,8 +90,10 @@ fn print(
     exact: bool,
 ) -> std::io::Result<()> {
     writeln!(w, "scene {}", scene.name)?;
-    for (label, value) in scene.settings() {
-        writeln!(w, "  {label:<22}{value}")?;
+    let settings = scene.settings();
+    let width = settings.iter().map(|(label, _)| label.chars().count() + 2).fold(22, usize::max);
+    for (label, value) in settings {
+        writeln!(w, "  {label:<width$}{value}")?;
     }
     writeln!(w, "\nsimulated")?;
     for sentence in simulated {

@@ -205,10 +205,12 @@ fn constants(
         }
     }
     let joined = joined(&found, all.unwrap_or(&[None; CONSTANTS.len()]));
-    if let Some(bulk) = joined[BULK] {
+    // A muscle that gives none of these has the ratio of all muscles, which is judged there.
+    let first = [BULK, A, B].iter().find_map(|&k| given[k].as_ref());
+    if let (Some(bulk), Some(first)) = (joined[BULK], first) {
         let ratio = bulk / shear(&joined);
         if !BULK_OVER_SHEAR.contains(&ratio) {
-            let at = [BULK, A, B].iter().find_map(|&k| given[k].as_ref()).map_or(0, |v| v.span().start);
+            let at = first.span().start;
             let (low, high) = (BULK_OVER_SHEAR.start(), BULK_OVER_SHEAR.end());
             let value = format!("{ratio:.3} times the shear modulus 2 (A + B)");
             wrong(at, CONSTANTS[BULK].key, value, format!("give {low} to {high} times the shear modulus"));
