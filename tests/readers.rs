@@ -332,6 +332,8 @@ fn knee_forces_come_in_two_layouts() {
         (cells.lateral[0] - pound * (0.0129 * 20.0 + 0.0317 * 10.0 + 0.9613 * 30.0 + 0.9789 * 40.0)).abs()
             < 1e-9
     );
+    let one = write("one.csv", "time_s,medial_N,lateral_N\n0,100,\n0.1,110,\n").unwrap_err();
+    assert!(one.to_string().contains("no row holds a lateral force"), "{one}");
     let beyond = write("beyond.csv", "time_s,medial_N,lateral_N\n0,100,50\n0.1,1e308,60\n").unwrap_err();
     assert!(
         beyond.to_string().contains("line 3") && beyond.to_string().contains("no knee bears that"),
@@ -363,7 +365,7 @@ fn knee_forces_come_in_two_layouts() {
     let error = write("word.csv", "Time(sec),PM,AM,AL,PL,,\r0.5,1,2,x3,4,,\r").unwrap_err().to_string();
     assert!(error.contains("line 2") && error.contains("AL") && error.contains("`x3`"), "{error}");
     let error = write("gaps.csv", "Time(sec),PM,AM,AL,PL\r0.5,,,,\r").unwrap_err().to_string();
-    assert!(error.contains("no row holds a force"), "{error}");
+    assert!(error.contains("no row holds a medial force"), "{error}");
     let error = write("short.csv", "Time(sec),PM,AM,AL\n0.5,10,20,30\n").unwrap_err().to_string();
     assert!(error.contains("line 1") && error.contains("`PL`"), "{error}");
 }

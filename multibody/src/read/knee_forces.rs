@@ -116,8 +116,11 @@ fn parse(file: &Path, bytes: &[u8]) -> Result<KneeForces, InputError> {
         forces.medial.push(force[0]);
         forces.lateral.push(force[1]);
     }
-    if forces.medial.iter().chain(&forces.lateral).all(|v| v.is_nan()) {
-        return Err(malformed(file, Place::Whole, "no row holds a force", "copy the file again"));
+    for (side, values) in [("medial", &forces.medial), ("lateral", &forces.lateral)] {
+        if values.iter().all(|v| v.is_nan()) {
+            let problem = format!("no row holds a {side} force");
+            return Err(malformed(file, Place::Whole, problem, "copy the file again"));
+        }
     }
     Ok(forces)
 }
