@@ -39,7 +39,10 @@ fn elsewhere() -> (tempfile::TempDir, PathBuf) {
     let at = tempfile::tempdir().unwrap();
     fs::create_dir(at.path().join("bin")).unwrap();
     fs::create_dir(at.path().join("empty")).unwrap();
-    fs::copy(program(), at.path().join("bin/sartorius")).unwrap();
+    // By another process: a file that this one has open for writing while another test starts a program stays open there for a moment,
+    // and cannot be run until then.
+    let copied = Command::new("cp").arg(program()).arg(at.path().join("bin/sartorius")).status().unwrap();
+    assert!(copied.success());
     let empty = at.path().join("empty");
     (at, empty)
 }
