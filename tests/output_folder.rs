@@ -180,7 +180,7 @@ fn the_folders_of_both_legs_belong_to_the_run_of_the_trial() {
     }
     assert!(!of_both.contains(&"right/run.json".to_string()), "one run, one record");
     // What a killed run left goes, in the folders of the legs too; a file of one's own stays, and so does its folder.
-    fs::write(out.join("left/.kinematics.csv.partial"), "half").unwrap();
+    fs::write(out.join("left/.of_old.csv.partial"), "half").unwrap();
     assert_eq!((run().0, names()), (Some(0), of_both.clone()));
     fs::write(out.join("left/notes.txt"), "mine").unwrap();
     fs::write(at.join("walk.toml"), one).unwrap();
