@@ -83,8 +83,8 @@ fn columns_of(table: &Table, value: &dyn Fn(usize, f64) -> f64) -> Columns {
 }
 
 struct Both<'a> {
-    legs: [&'a OptimizeReport<'a>; 2],
-    summaries: [Summary; 2],
+    /// What the pages of the legs show.
+    legs: [View<'a>; 2],
     axis: TimeAxis,
     /// Time on that axis of the reported frames of each leg.
     times: [Vec<f64>; 2],
@@ -106,7 +106,7 @@ impl<'a> Both<'a> {
         let (low, high) = extent(all).unwrap_or((0.0, 1.0));
         let cycle = cycles.0.and(cycles.1).map(|_| [0.0, 1.0]);
         let axis = TimeAxis { time: vec![low, high], cycle, seconds: false, stance: Vec::new() };
-        Both { legs, summaries: legs.map(Summary::of), axis, times }
+        Both { legs: legs.map(View::of), axis, times }
     }
 
     fn plot(
@@ -144,7 +144,7 @@ impl<'a> Both<'a> {
         size: Size,
         of: &dyn Fn(&OptimizeReport) -> Columns,
     ) -> Vec<String> {
-        let [right, left] = self.legs.map(of);
+        let [right, left] = self.legs.each_ref().map(|leg| of(leg.report));
         let mut names: Vec<&String> = right.iter().map(|c| &c.0).collect();
         names.extend(left.iter().map(|c| &c.0).filter(|n| right.iter().all(|c| c.0 != **n)));
         let find = |columns: &[(String, Vec<f64>)], name: &str| {
@@ -170,16 +170,19 @@ impl<'a> Both<'a> {
 
     fn headline(&self) -> String {
         let is_share = self.axis.cycle.is_some();
+        let first = self.legs[0].report;
         let mut out = format!(
             "<header data-start=\"0\" data-end=\"{}\"{}>\n<p class=\"eyebrow\">Sartorius · static optimization of both legs</p>\n<h1>{}</h1>\n<p class=\"subtitle\">{}</p>\n",
             u8::from(is_share),
             if is_share { " data-share=\"1\"" } else { "" },
-            escape(&self.legs[0].trial.name),
-            escape(&who(self.legs[0].trial))
+            escape(&first.trial.name),
+            escape(&who(first.trial))
         );
-        let s = &self.summaries;
-        let all = s.iter().all(Summary::all_solved);
-        let counts = LEGS.iter().zip(s).map(|((name, _), s)| format!("{name} {} of {}", s.solved, s.frames));
+        let all = self.legs.iter().all(|leg| leg.summary.all_solved());
+        let count = |((name, _), leg): (&(&str, &str), &View)| {
+            format!("{name} {} of {}", leg.summary.solved, leg.summary.frames)
+        };
+        let counts = LEGS.iter().zip(&self.legs).map(count);
         let _ = writeln!(
             out,
             "<p class=\"verdict {}\"><b>{} frames solved</b><span>all about one leg: <a href=\"right/report.html\">right</a>, <a href=\"left/report.html\">left</a></span></p>",
@@ -198,8 +201,7 @@ impl<'a> Both<'a> {
                 false => "Curves are over the time of the recording, as far as each leg is reported.",
             }
         );
-        for (report, (name, _)) in self.legs.iter().zip(LEGS) {
-            let view = View::of(report);
+        for (view, (name, _)) in self.legs.iter().zip(LEGS) {
             let _ = write!(out, "<h3>Verdict over time, {name} leg</h3>\n{}", view.band());
             out.push_str(&view.frames_not_solved());
         }
@@ -209,16 +211,15 @@ impl<'a> Both<'a> {
 
     /// The numbers that decide: what, right, left.
     fn rows(&self) -> Vec<Vec<String>> {
-        let s = &self.summaries;
+        let s = self.legs.each_ref().map(|leg| &leg.summary);
         let number = |v: Option<f64>, digits| fixed(v.unwrap_or(f64::NAN), digits);
-        let when =
-            |leg: usize, t: Option<f64>| t.map_or("–".to_string(), |t| View::of(self.legs[leg]).when(t));
+        let when = |leg: usize, t: Option<f64>| t.map_or("–".to_string(), |t| self.legs[leg].when(t));
         let mut rows: Vec<Vec<String>> = Vec::new();
         let mut row = |label: &str, of: &dyn Fn(usize) -> String| rows.push(vec![label.into(), of(0), of(1)]);
         row("Frames solved", &|l| format!("{} of {}", s[l].solved, s[l].frames));
         row("Marker residual, RMS, mm", &|l| number(s[l].marker_rms_mm, 1));
         row("Peak vertical ground reaction, N", &|l| {
-            let up: Vec<f64> = self.legs[l].loads.ground_force.iter().map(|f| f.y).collect();
+            let up: Vec<f64> = self.legs[l].report.loads.ground_force.iter().map(|f| f.y).collect();
             number(extent(&up).map(|e| e.1), 0)
         });
         row("Peak knee force, N", &|l| number(s[l].peak_knee_force_N, 0));
@@ -255,9 +256,9 @@ impl<'a> Both<'a> {
             )
         };
         let mut content = format!("<div class=\"legend\">{}</div>\n", LEGS.map(key).concat());
-        for (title, members) in grouped(&self.legs[0].effort.forces.columns) {
-            let names: Vec<&String> =
-                members.iter().map(|&j| &self.legs[0].effort.forces.columns[j]).collect();
+        let columns = &self.legs[0].report.effort.forces.columns;
+        for (title, members) in grouped(columns) {
+            let names: Vec<&String> = members.iter().map(|&j| &columns[j]).collect();
             let figures = self.figures(["force", "N"], Size::Small, &|r| {
                 names.iter().filter_map(|n| Some((n.to_string(), column(&r.effort.forces, n)?))).collect()
             });

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::groups::grouped;
 use super::optimize::View;
-use super::page::{grid, label_table, section, table};
+use super::page::{grid, label_table, list, section, table};
 use super::problems::{Mark, Run};
 use super::svg::{escape, extent, fixed};
 use super::{GRAVITY, column, greatest};
@@ -117,10 +117,4 @@ impl View<'_> {
         ];
         table(&header, 3, &rows)
     }
-}
-
-/// Items are HTML already.
-fn list(items: impl Iterator<Item = String>) -> String {
-    let items: String = items.map(|item| format!("<li>{item}</li>")).collect();
-    format!("<ul class=\"plain\">{items}</ul>\n")
 }

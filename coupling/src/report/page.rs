@@ -35,6 +35,12 @@ pub fn grid(class: &str, figures: &[String]) -> String {
     format!("<div class=\"grid {class}\">\n{}\n</div>", figures.join("\n"))
 }
 
+/// A list; its items are HTML already.
+pub fn list(items: impl Iterator<Item = String>) -> String {
+    let items: String = items.map(|item| format!("<li>{item}</li>")).collect();
+    format!("<ul class=\"plain\">{items}</ul>\n")
+}
+
 /// Two columns without header: label and value.
 pub fn label_table(caption: &str, rows: &[(String, String)]) -> String {
     let mut out = format!("<table class=\"labels\"><caption>{}</caption>", escape(caption));

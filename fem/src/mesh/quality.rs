@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{CellBlock, CellKind, Mesh};
+use crate::element::shape;
 
 /// Shape of the solid cells of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,11 +140,9 @@ pub fn gauss_dets(kind: CellKind, X: &[Vector3<f64>]) -> Vec<(f64, f64)> {
             points.into_iter().map(|(L, w)| (tet10_map(X, L).determinant(), w)).collect()
         }
         CellKind::Wedge6 => {
-            let rule = crate::element::shape::wedge6();
-            let det = |g: usize| {
-                let columns = [0, 1, 2].map(|d| X.iter().zip(&rule.dn[g]).map(|(X, dn)| X * dn[d]).sum());
-                Matrix3::from_columns(&columns).determinant()
-            };
+            let rule = shape::wedge6();
+            let nodes: [[f64; 3]; 6] = std::array::from_fn(|a| X[a].into());
+            let det = |g: usize| shape::contract(&nodes, &rule.dn[g]).determinant();
             (0..6).map(|g| (det(g), rule.w[g])).collect()
         }
         _ => Vec::new(),

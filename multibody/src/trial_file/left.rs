@@ -14,8 +14,8 @@ use crate::trial::Side;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeftEntry {
-    /// Markers that carry the segments.
-    pub markers: LeftMarkers,
+    /// Markers that carry the segments; those of the pelvis absent: as in `[markers]`.
+    pub markers: MarkerEntry<Option<Vec<String>>>,
     /// Plates of the left foot.
     pub force: LeftForce,
     /// Part of the trial that is reported; absent: that of the right leg, cycles counted on the plates of the left foot.
@@ -23,20 +23,6 @@ pub struct LeftEntry {
     /// Landmarks.
     #[serde(default)]
     pub landmarks: LeftLandmarks,
-}
-
-/// `[left.markers]`: recorded names per segment.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LeftMarkers {
-    /// Pelvis; absent: those of `[markers]`.
-    pub pelvis: Option<Vec<String>>,
-    /// Thigh.
-    pub thigh: Vec<String>,
-    /// Shank.
-    pub shank: Vec<String>,
-    /// Foot.
-    pub foot: Vec<String>,
 }
 
 /// `[left.force]`. File, axes and columns are those of `[force]`.
@@ -87,7 +73,7 @@ impl TrialFile {
             return file;
         }
         file.subject.side = Side::Left;
-        let LeftMarkers { pelvis, thigh, shank, foot } = left.markers;
+        let MarkerEntry { pelvis, thigh, shank, foot } = left.markers;
         file.markers = MarkerEntry { pelvis: pelvis.unwrap_or(file.markers.pelvis), thigh, shank, foot };
         file.force.plates = left.force.plates;
         file.force.next_plate = left.force.next_plate;

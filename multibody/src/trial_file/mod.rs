@@ -23,7 +23,7 @@ pub use axes::{Axes, SignedAxis};
 pub use guess::{Guess, Wishes, guess};
 pub use keys::KEYS;
 pub use landmarks::{LandmarkSpec, Landmarks, Roles, read_landmarks};
-pub use left::{LeftEntry, LeftForce, LeftLandmarks, LeftMarkers};
+pub use left::{LeftEntry, LeftForce, LeftLandmarks};
 
 use crate::error::{InputError, Mistakes, Place};
 use crate::keys::examine;
@@ -168,12 +168,12 @@ pub struct RangeEntry {
     pub end_s: Option<f64>,
 }
 
-/// `[markers]`: recorded names per segment.
+/// `[markers]`, and `[left.markers]` where those of the pelvis may be absent: recorded names per segment.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MarkerEntry {
+pub struct MarkerEntry<Pelvis = Vec<String>> {
     /// Pelvis.
-    pub pelvis: Vec<String>,
+    pub pelvis: Pelvis,
     /// Thigh.
     pub thigh: Vec<String>,
     /// Shank.

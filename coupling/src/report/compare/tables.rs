@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::published::published;
 use super::{CARRIES, CONFIGURATIONS, CompareReport, Computed, Row, step_words, words};
 use crate::explain::explain;
-use crate::report::page::{section, table};
+use crate::report::page::{grid, list, section, table};
 use crate::report::svg::{escape, fixed, significant};
 
 /// Differences above this are marked and explained \[N\].
@@ -257,17 +257,13 @@ pub(super) fn explanations(report: &CompareReport) -> String {
 pub(super) fn effects(report: &CompareReport) -> String {
     let mut out = String::new();
     if !report.notes.is_empty() {
-        let list: String = report.notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
-        let _ = writeln!(out, "<h3>Notes</h3><ul class=\"plain\">{list}</ul>");
+        let _ = write!(out, "<h3>Notes</h3>{}", list(report.notes.iter().map(|note| escape(note))));
     }
-    out.push_str("<div class=\"grid half\"><div><h3>Simulated</h3><ul class=\"plain\">");
-    for sentence in report.simulated {
-        let _ = write!(out, "<li>{}</li>", escape(sentence));
-    }
-    out.push_str("</ul></div><div><h3>Left out</h3><ul class=\"plain\">");
-    for (what, why) in report.left_out {
-        let _ = write!(out, "<li><b>{}</b>: {}</li>", escape(what), escape(why));
-    }
-    out.push_str("</ul></div></div>\n");
-    out
+    let left_out =
+        report.left_out.iter().map(|(what, why)| format!("<b>{}</b>: {}", escape(what), escape(why)));
+    let lists = [
+        format!("<div><h3>Simulated</h3>{}</div>", list(report.simulated.iter().map(|s| escape(s)))),
+        format!("<div><h3>Left out</h3>{}</div>", list(left_out)),
+    ];
+    out + &grid("half", &lists)
 }
