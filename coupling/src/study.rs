@@ -11,7 +11,7 @@ use fem::mesh::muscle::limb::Limb;
 use fem::output::{Restart, write_run};
 use fem::plan::Plan;
 use fem::run::{Drive, Frame, Run};
-use fem::solve::{Iteration, Settings, Stability};
+use fem::solve::{Iteration, Settings, Stability, Way};
 
 use crate::cache::{Cache, content_hash};
 use crate::compare::{CompareError, Configuration, beside, configuration, drive, measured};
@@ -42,6 +42,7 @@ pub const SETTINGS: Settings = Settings {
     least_step: 1e-4,
     double_precision_factor: false,
     stability: Stability::Never,
+    way: Way::Guided,
 };
 
 pub use crate::output::claim::{FOLDERS, ONE_WAY_FOLDER};
@@ -300,7 +301,11 @@ impl Prepared {
         for (c, plan) in plans.into_iter().enumerate() {
             let Some(plan) = plan else { continue };
             let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
-            let settings = Settings { tolerance: self.scene.residuals[c] / SETTINGS.least_force, ..SETTINGS };
+            let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
+            let settings = match self.scene.strict_parts {
+                Some(parts) => Settings { tolerance, way: Way::Strict, first_step: 1.0 / parts as f64, ..SETTINGS },
+                None => Settings { tolerance, ..SETTINGS },
+            };
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(FOLDERS[c]);

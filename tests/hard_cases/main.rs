@@ -15,6 +15,7 @@ mod incompressible;
 mod judge;
 mod no_equilibrium;
 mod rigid;
+mod sides;
 mod solved;
 mod sweeps;
 
@@ -56,6 +57,7 @@ fn main() {
         equilibrium::CASES,
         incompressible::CASES,
         rigid::CASES,
+        sides::CASES,
         no_equilibrium::CASES,
         solved::CASES,
     ];

@@ -10,7 +10,9 @@ pub mod motion_cases;
 pub mod random_scenes;
 pub mod results;
 pub mod sharing_cases;
+
 pub mod sharing_problems;
+pub mod side_scenes;
 pub mod walking;
 
 use std::path::{Path, PathBuf};

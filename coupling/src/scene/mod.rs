@@ -86,6 +86,8 @@ pub struct Scene {
     /// Forces out of balance at which a step counts as solved, without and with contact: norm over all nodes \[N\], more where muscles pull
     /// with more than 1000 N.
     pub residuals: [f64; 2],
+    /// Parts in which every step with contact goes, by collision detection alone; `None`: softened contact says where to go.
+    pub strict_parts: Option<usize>,
     /// Where the mesh is free of stress.
     pub stress_free: StressFree,
     /// Fibres.
@@ -132,6 +134,7 @@ enum Muscles {
 struct AccuracyEntry {
     residual_n: Option<f64>,
     contact_residual_n: Option<f64>,
+    strict_parts: Option<usize>,
 }
 
 #[derive(Default, Deserialize)]
@@ -224,6 +227,7 @@ impl SceneFile {
             resolution: self.resolution_mm.unwrap_or(12.0) * 1e-3,
             draw_in: self.draw_in_mm.unwrap_or(0.0) * 1e-3,
             residuals: [accuracy.residual_n.unwrap_or(without), accuracy.contact_residual_n.unwrap_or(with)],
+            strict_parts: accuracy.strict_parts,
             stress_free,
             fibres: self.effects.fibres.unwrap_or(natural),
             shells,

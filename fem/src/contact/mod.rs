@@ -24,6 +24,7 @@ mod measure;
 mod near;
 mod normals;
 mod part;
+mod passage;
 mod penalty;
 mod soft;
 mod start;
@@ -93,6 +94,8 @@ pub struct Contact {
     last: Mutex<Arc<Terms>>,
     /// What the last search for near points has found.
     memory: Mutex<near::Memory>,
+    /// Who has come into whom while contact is softened.
+    watch: Mutex<passage::Watch>,
 }
 
 /// The terms of the potential at some positions.
@@ -151,6 +154,7 @@ impl Contact {
             cache: Mutex::default(),
             last: Mutex::default(),
             memory: Mutex::default(),
+            watch: Mutex::default(),
         };
         if contact.mode == Mode::Guarded {
             contact.fit_reach(X);

@@ -12,11 +12,10 @@
 //! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
 
 use super::candidates::Primitives;
-use super::ccd::largest;
 use super::closest::point_triangle;
 use super::near::Near;
 use super::stencil::{Law, Stencil};
-use super::surface::Surface;
+use super::tree::Aabb;
 use super::{Contact, Mode};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -46,15 +45,6 @@ impl Contact {
     /// Points inside a surface with the collision points at `p`.
     fn soft_inside(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Near> {
         self.near_within(p, sampled(floor), &|_, _| 0.0, self.longest_soft_step(), 0.0)
-    }
-
-    /// Points that may come into a surface where the collision points at `p` go the ways `u`, none farther than a step may.
-    fn soft_ahead(&self, p: &[Vector3<f64>], u: &[Vector3<f64>], floor: f64) -> Vec<Near> {
-        let (all, longest) = (&self.surfaces, self.longest_soft_step());
-        let farthest = |s: &Surface| largest(s.samples.clone().map(|i| u[i]));
-        let ways: Vec<f64> = all.list.par_iter().map(farthest).collect();
-        let least = |point: usize, other: usize| (u[point].norm() + ways[other]).min(longest);
-        self.near_within(p, sampled(floor), &least, longest, 0.0)
     }
 
     /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
@@ -100,9 +90,19 @@ impl Contact {
         let start = all.positions(from);
         let u: Vec<Vector3<f64>> =
             all.positions(to).par_iter().zip(&start).map(|(to, from)| to - from).collect();
-        let mut share = (self.longest_soft_step() / largest(u.iter().copied())).min(1.0);
-        let ahead: Vec<Vector3<f64>> = u.par_iter().map(|u| u * share).collect();
-        for n in self.soft_ahead(&start, &ahead, floor) {
+        let longest = self.longest_soft_step();
+        // What points and surfaces do together brings none into another.
+        let spans: Vec<Aabb> = all.list.par_iter().map(|s| Aabb::around(u[s.samples.clone()].iter())).collect();
+        let against = |point: usize, other: usize| spans[other].farthest(&u[point]);
+        let of_point = |point: usize| {
+            let others = &self.partners.of[all.surface(point as u32)];
+            others.iter().map(|&other| against(point, other)).fold(0.0, f64::max)
+        };
+        let farthest = (0..u.len()).into_par_iter().map(of_point).reduce(|| 0.0, f64::max);
+        let mut share = (longest / farthest).min(1.0);
+        let least = |point: usize, other: usize| (share * against(point, other)).min(longest);
+        let ahead = self.near_within(&start, sampled(floor), &least, longest, 0.0);
+        for n in ahead {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);

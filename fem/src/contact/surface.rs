@@ -101,6 +101,17 @@ pub struct Surface {
     pub edge_tree: Tree,
 }
 
+/// A place in the middle of a body: halfway between the middle of a triangle and where the way through the body from there comes out.
+#[derive(Clone, Copy, Debug)]
+pub struct Core {
+    /// The triangle.
+    pub triangle: u32,
+    /// The triangle across, and the weights of its corners.
+    pub across: u32,
+    /// See `across`.
+    pub at: [f64; 3],
+}
+
 /// All collision surfaces of an island.
 #[derive(Clone, Debug, Default)]
 pub struct Surfaces {
@@ -122,6 +133,8 @@ pub struct Surfaces {
     pub triangle_samples: Vec<Vec<u32>>,
     /// Way through the body from the middle of each triangle in the reference configuration \[m\]; infinite where the surface is open.
     pub depths: Vec<f64>,
+    /// Places in the middle of closed bodies, two per quadrilateral face.
+    pub cores: Vec<Core>,
     /// Least depth of the triangles of each sample \[m\].
     pub sample_depths: Vec<f64>,
     /// Edges of the triangles, in the order of [`EDGES`].
@@ -192,7 +205,18 @@ impl Surfaces {
         let (triangle_tree, edge_tree) = (Tree::new(&triangles), Tree::new(&edges));
         let corners: Vec<_> = self.triangles[first_triangle..].iter().map(|t| t.map(at)).collect();
         let fitted = triangle_tree.fit(|t| triangles[t as usize]);
-        self.depths.extend(depths(&corners, &triangle_tree, &fitted));
+        let ways = depths(&corners, &triangle_tree, &fitted);
+        self.depths.extend(ways.iter().map(|way| way.as_ref().map_or(f64::INFINITY, |way| way.length)));
+        for (t, way) in (first_triangle..).zip(&ways) {
+            // Of the four triangles of a quadrilateral every other one: they overlap in the middle of the body.
+            let is_third = self.points[self.triangles[t][2] as usize].n == 4;
+            if let Some(way) = way
+                && !(is_third && (t - first_triangle) % 2 == 1)
+            {
+                let across = first_triangle as u32 + way.across;
+                self.cores.push(Core { triangle: t as u32, across, at: way.at });
+            }
+        }
         self.sample_depths.resize(self.points.len(), f64::INFINITY);
         for t in first_triangle..self.triangles.len() {
             for &s in &self.triangle_samples[t] {
@@ -347,21 +371,33 @@ impl Surfaces {
     }
 }
 
-/// Way \[m\] from the middle of each triangle into the body until it comes out of it; infinite where it never does.
-fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<f64> {
+/// The way through a body from the middle of a triangle.
+struct WayThrough {
+    /// \[m\]
+    length: f64,
+    /// The triangle by which it comes out, counted from the first, and the weights of its corners there.
+    across: u32,
+    at: [f64; 3],
+}
+
+/// Ways from the middle of each triangle into the body until they come out of it; `None` where they never do.
+fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<Option<WayThrough>> {
     let whole = fitted.whole();
     let diagonal = (whole.hi - whole.lo).norm();
     let through = |[a, b, c]: &[Vector3<f64>; 3]| {
         let (from, inwards) = ((a + b + c) / 3.0, (c - a).cross(&(b - a)).normalize());
-        let mut nearest = f64::INFINITY;
+        let mut nearest: Option<WayThrough> = None;
         let mut length = (b - a).norm();
+        let is_nearer = |way: f64, nearest: &Option<WayThrough>| nearest.as_ref().is_none_or(|n| way < n.length);
         // Short ways first: their boxes meet little.
-        while !(nearest <= length) && length < 2.0 * diagonal {
+        while is_nearer(length, &nearest) && length < 2.0 * diagonal {
             length *= 2.0;
             let way = Aabb::of_way(&from, &(from + inwards * length), 0.0);
             tree.overlapping(fitted, &way, |t| {
-                if let Some(hit) = way_out(&from, &inwards, &triangles[t as usize]) {
-                    nearest = nearest.min(hit);
+                if let Some((length, at)) = way_out(&from, &inwards, &triangles[t as usize])
+                    && is_nearer(length, &nearest)
+                {
+                    nearest = Some(WayThrough { length, across: t, at });
                 }
             });
         }
@@ -370,9 +406,13 @@ fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<
     triangles.par_iter().map(through).collect()
 }
 
-/// How far along a ray a triangle is met from behind \[m\]: Möller & Trumbore, Fast, minimum storage ray-triangle intersection, J. Graph.
-/// Tools 2 (1997).
-fn way_out(from: &Vector3<f64>, along: &Vector3<f64>, [a, b, c]: &[Vector3<f64>; 3]) -> Option<f64> {
+/// How far along a ray a triangle is met from behind \[m\], and the weights of its corners there: Möller & Trumbore, Fast, minimum
+/// storage ray-triangle intersection, J. Graph. Tools 2 (1997).
+fn way_out(
+    from: &Vector3<f64>,
+    along: &Vector3<f64>,
+    [a, b, c]: &[Vector3<f64>; 3],
+) -> Option<(f64, [f64; 3])> {
     let (u, v, w) = (b - a, c - a, from - a);
     let det = -u.cross(&v).dot(along);
     if !(det < 0.0) {
@@ -381,5 +421,5 @@ fn way_out(from: &Vector3<f64>, along: &Vector3<f64>, [a, b, c]: &[Vector3<f64>;
     let side = w.cross(along);
     let (s, t) = (v.dot(&side) / det, -u.dot(&side) / det);
     let way = w.dot(&u.cross(&v)) / det;
-    (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && way > 0.0).then_some(way)
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && way > 0.0).then_some((way, [1.0 - s - t, s, t]))
 }

@@ -32,6 +32,16 @@ impl Aabb {
             .fold(Aabb::empty(), |sum, &i| sum.join(&Aabb::of_way(&p[i as usize], &p[i as usize], 0.0)))
     }
 
+    /// The box of these points.
+    pub fn around<'p>(points: impl Iterator<Item = &'p Vector3<f64>>) -> Aabb {
+        points.fold(Aabb::empty(), |sum, p| sum.join(&Aabb { lo: *p, hi: *p }))
+    }
+
+    /// Distance from a point to what of the box is farthest from it.
+    pub fn farthest(&self, p: &Vector3<f64>) -> f64 {
+        (p - self.lo).abs().sup(&(p - self.hi).abs()).norm()
+    }
+
     /// The box of both.
     pub fn join(&self, other: &Aabb) -> Aabb {
         Aabb { lo: self.lo.inf(&other.lo), hi: self.hi.sup(&other.hi) }

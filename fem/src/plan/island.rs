@@ -469,6 +469,8 @@ pub struct LoadedIsland {
     anchor: Vec<f64>,
     /// Share of the activation distance below which contact is softened; 0: nowhere.
     floor: f64,
+    /// A body that has passed through another since they are watched.
+    passed: Option<[String; 2]>,
     /// Inertia over the time step that the load takes; absent: equilibrium is sought.
     inertia: Option<TimeStep>,
     /// Time spent in contact \[ns\].
@@ -482,7 +484,7 @@ impl LoadedIsland {
         island.prescribe(&start, &mut x);
         let (load, in_contact) = (start.clone(), AtomicU64::new(0));
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
-        LoadedIsland { island, load, start, end, x, anchor, floor: 0.0, inertia: None, in_contact }
+        LoadedIsland { island, load, start, end, x, anchor, floor: 0.0, passed: None, inertia: None, in_contact }
     }
 
     /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
@@ -831,10 +833,16 @@ impl Loading for LoadedIsland {
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
         self.island.take_free(&full, x);
-        self.renew(x);
+        if !self.anchor.is_empty() {
+            self.anchor = full;
+        }
     }
 
     fn renew(&mut self, x: &[f64]) -> bool {
+        if self.floor > 0.0 && self.passed.is_none() {
+            let full = self.expand(x);
+            self.passed = self.contact(|contact| contact.look_for_passage(&full)).flatten();
+        }
         if self.anchor.is_empty() {
             return false;
         }
@@ -865,6 +873,19 @@ impl Loading for LoadedIsland {
         let can = self.inertia.is_none() && self.island.contact.as_ref().is_some_and(Contact::can_soften);
         self.floor = if can { floor } else { 0.0 };
         can
+    }
+
+    fn watch(&mut self, x: &[f64]) {
+        self.passed = None;
+        self.contact(|contact| contact.begin_watch(&self.expand(x)));
+    }
+
+    fn passed(&self) -> Option<&[String; 2]> {
+        self.passed.as_ref()
+    }
+
+    fn meets(&self, x: &[f64]) -> bool {
+        self.contact(|contact| contact.energy(&self.expand(x), self.floor) > 0.0).unwrap_or(false)
     }
 
     fn part(&self, x: &mut [f64], floor: f64) -> bool {

@@ -6,7 +6,7 @@
 use super::convexity::Convexity;
 use super::linear::norm;
 use super::newton::{Run, Taken};
-use super::{Loading, NotConverged, Reason, Stability};
+use super::{Loading, NotConverged, Reason, Stability, Way};
 use std::time::Instant;
 
 /// While the load is carried over, least det F may fall to this share in one go.
@@ -26,8 +26,8 @@ const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
 /// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
 const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
-/// Softened contact that fails goes half as far, down to the whole way divided by this, rounded up to pieces of it.
-const SHORTEST_SOFT_WAY: usize = 4;
+/// Softened contact that fails goes half as far, down to the whole way divided by this.
+const SHORTEST_SOFT_WAY: f64 = 4.0;
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Unstable equilibria that are left in one load step.
@@ -51,10 +51,10 @@ fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
 /// How a way through softened contact ended.
 #[derive(Debug)]
 enum Soft {
-    /// After so many pieces, where nothing overlaps.
-    Apart(usize),
-    /// After so many pieces, unsettled, in overlaps that could not be parted, or in cells that this has folded.
-    Failed(usize),
+    /// At this load, where nothing overlaps.
+    Apart(f64),
+    /// At this load, unsettled, in overlaps that could not be parted, or in cells that this has folded.
+    Failed(f64),
     /// Nothing touches or folds on the way.
     Needless,
 }
@@ -73,7 +73,9 @@ impl Run<'_> {
         self.met_indefinite = false;
         self.may_approach = false;
         self.tolerance = self.settings.tolerance;
-        let reached = match self.carry_softly(potential, x, t, target) {
+        let is_guided = self.settings.way == Way::Guided;
+        let softly = if is_guided { self.carry_softly(potential, x, t, target) } else { None };
+        let reached = match softly {
             Some(reached) => {
                 // Near a guess the true Hessian is hardly ever definite; whether it is counts only where stability does.
                 if self.settings.stability == Stability::Never {
@@ -83,7 +85,7 @@ impl Run<'_> {
             }
             None => {
                 let reached = self.carry_over(potential, x, t, target)?;
-                self.may_approach = true;
+                self.may_approach = is_guided;
                 reached
             }
         };
@@ -133,6 +135,7 @@ impl Run<'_> {
     /// where nothing overlaps, and otherwise leaves `x`.
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         let (start, before) = (x.to_vec(), potential.energy(x));
+        potential.watch(x);
         let better = self.equilibrate_softly(potential, x, load) && potential.energy(x) < before;
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
         if !better {
@@ -146,11 +149,13 @@ impl Run<'_> {
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
         let hardest = FLOORS[FLOORS.len() - 1];
-        FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor, ON_THE_WAY))
+        let parted = FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor, ON_THE_WAY))
             && (potential.part(x, hardest)
                 // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
-                || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x, hardest))
-            && is_sound(potential, x, 0.0)
+                || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x, hardest));
+        potential.renew(x);
+        potential.soften(0.0);
+        parted && potential.passed().is_none() && is_sound(potential, x, 0.0)
     }
 
     /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in play;
@@ -164,7 +169,6 @@ impl Run<'_> {
         enough: f64,
     ) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
-        let may_approach = std::mem::replace(&mut self.may_approach, false);
         self.tolerance = self.settings.tolerance.max(enough);
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
@@ -174,16 +178,16 @@ impl Run<'_> {
             let (det_f, reason) = (failure.det_f, &failure.reason);
             tracing::debug!(island = %self.name, step = self.step, load, floor, det_f, %reason, "softened contact does not settle");
         }
-        let there = matches!(outcome, Some(Ok(())));
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
-        self.may_approach = may_approach;
         self.convexity = before;
-        potential.soften(0.0);
         self.linear.forget();
-        there
+        if let Some([a, b]) = potential.passed() {
+            tracing::debug!(island = %self.name, step = self.step, load, floor, a, b, "one passes through the other");
+        }
+        matches!(outcome, Some(Ok(()))) && potential.passed().is_none()
     }
 
-    /// Moves the load towards `target` through whatever the free nodes touch, see [`carry_pieces_softly`](Self::carry_pieces_softly), and
+    /// Moves the load towards `target` through whatever the free nodes touch, see [`go_softly`](Self::go_softly), and
     /// half as far where that fails; returns the load reached, and otherwise leaves `x` and the load `t`.
     /// Where nothing touches or folds on the way there is nothing to gain by it.
     fn carry_softly(
@@ -194,89 +198,100 @@ impl Run<'_> {
         target: f64,
     ) -> Option<f64> {
         let n = potential.n_pieces(target);
-        if n == 0 || !potential.soften(FLOORS[0]) {
+        if n == 0 {
             return None;
         }
-        potential.soften(0.0);
-        let load =
-            |piece: usize| if piece == n { target } else { t + piece as f64 / n as f64 * (target - t) };
+        let piece = (target - t) / n as f64;
         let start = x.to_vec();
-        let mut last = n;
-        loop {
-            let outcome = self.carry_pieces_softly(potential, x, &load, last);
-            tracing::debug!(island = %self.name, step = self.step, from = t, to = load(last), n, ?outcome, "carried along softly");
-            if let Soft::Apart(piece) = outcome {
-                return Some(load(piece));
+        let mut until = target;
+        let outcome = loop {
+            if !potential.soften(FLOORS[0]) {
+                break None;
+            }
+            let outcome = self.go_softly(potential, x, t, until, piece);
+            let passed = potential.passed();
+            tracing::debug!(island = %self.name, step = self.step, from = t, to = until, n, ?outcome, ?passed, "carried along softly");
+            if let Soft::Apart(reached) = outcome {
+                break Some(reached);
             }
             x.copy_from_slice(&start);
+            potential.soften(0.0);
             potential.set_load(t, x);
-            let Soft::Failed(piece) = outcome else { return None };
+            let Soft::Failed(reached) = outcome else { break None };
             // Up to where it failed it would go the same way again.
-            last = (last / 2).min(piece.saturating_sub(1));
-            if last < n.div_ceil(SHORTEST_SOFT_WAY) {
-                return None;
+            until = (t + (until - t) / 2.0).min(reached);
+            if until - t < (target - t) / SHORTEST_SOFT_WAY {
+                break None;
             }
-        }
+        };
+        potential.soften(0.0);
+        outcome
     }
 
-    /// Moves the load through `last` pieces of its way and lets the potential carry the free nodes along through whatever they touch, to
-    /// equilibrium with softened contact, and some way towards it where cells would fold before. Where that fails `x` and the load are left
-    /// anywhere.
-    fn carry_pieces_softly(
+    /// Moves the load from `t` to `until` in pieces no longer than `piece` and lets the potential carry the free nodes along through whatever
+    /// they touch, to equilibrium with softened contact, and some way towards it where cells would fold before. Where that fails `x` and
+    /// the load are left anywhere.
+    fn go_softly(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
-        load: &dyn Fn(usize) -> f64,
-        last: usize,
+        mut t: f64,
+        until: f64,
+        piece: f64,
     ) -> Soft {
-        let (mut piece, mut folds) = (0, false);
-        let mut way = Vec::new();
-        let mut enough = ON_THE_WAY;
+        let (mut meets, mut enough) = (false, ON_THE_WAY);
+        let mut trial = x.to_vec();
+        potential.watch(x);
         loop {
-            let from = piece;
+            let from = t;
             let (det_before, _) = potential.least_det_f(x);
-            while piece < last {
-                let (places, before) = (potential.touching(x), x.to_vec());
-                potential.carry(load(piece + 1), x);
-                if !(potential.least_det_f(x).0 >= CARRIED_DET_F_SHARE * det_before) {
-                    x.copy_from_slice(&before);
-                    potential.set_load(load(piece), x);
-                    folds = true;
+            let mut length = piece;
+            while t < until {
+                let next = if t + 1.01 * length > until { until } else { t + length };
+                let places = potential.touching(x);
+                trial.copy_from_slice(x);
+                potential.carry(next, &mut trial);
+                // No point may come past the middle of a body at once.
+                let share = potential.free_share(&places, &trial);
+                if share < 1.0 && length > LEAST_CARRY * piece {
+                    potential.set_load(t, x);
+                    length *= (0.9 * share).clamp(0.1, 0.9);
+                    continue;
+                }
+                if share < 1.0 || !(potential.least_det_f(&trial).0 >= CARRIED_DET_F_SHARE * det_before) {
+                    potential.set_load(t, x);
                     break;
                 }
-                way.push((places, x.to_vec()));
-                piece += 1;
+                x.copy_from_slice(&trial);
+                t = next;
+                length = (2.0 * length).min(piece);
+                potential.renew(x);
+                meets |= potential.meets(x);
+                if potential.passed().is_some() {
+                    return Soft::Failed(t);
+                }
             }
-            if piece == last {
-                // Dear to find out: asked only where nothing else decides.
-                let touches = |potential: &mut dyn Loading| {
-                    (1..).zip(&way).any(|(piece, (from, to))| {
-                        let mut to = to.clone();
-                        potential.set_load(load(piece), &mut to);
-                        potential.free_share(from, &to) < 1.0
-                    })
-                };
-                let is_needed = folds || touches(potential);
-                potential.set_load(load(last), x);
-                if !is_needed {
+            if t == until {
+                if !meets {
                     return Soft::Needless;
                 }
                 break;
             }
+            meets = true;
             // Where that does not get it any farther, nearer to equilibrium it may.
-            let is_stuck = piece == from && enough == ON_THE_WAY;
-            enough = if piece == from { ON_THE_WAY } else { UNFOLDED };
+            let is_stuck = t == from && enough == ON_THE_WAY;
+            enough = if t == from { ON_THE_WAY } else { UNFOLDED };
             if is_stuck {
                 // The rest is a load step of its own, from where surfaces are apart again.
                 break;
             }
-            if !self.relax(potential, x, load(piece), FLOORS[0], enough) {
-                return Soft::Failed(piece);
+            if !self.relax(potential, x, t, FLOORS[0], enough) {
+                return Soft::Failed(t);
             }
         }
-        match piece > 0 && self.equilibrate_softly(potential, x, load(piece)) {
-            true => Soft::Apart(piece),
-            false => Soft::Failed(piece),
+        match self.equilibrate_softly(potential, x, t) {
+            true => Soft::Apart(t),
+            false => Soft::Failed(t),
         }
     }
 

@@ -27,7 +27,7 @@ pub use linear::{LinearReport, LinearSolver};
 pub use log::{Iteration, IterationLog};
 pub use outcome::{Advance, NotConverged, Reason, SolveError};
 pub use rigid::{FreePart, free_parts};
-pub use solver::{Settings, Solver, Stability};
+pub use solver::{Settings, Solver, Stability, Way};
 use std::sync::Arc;
 
 /// The total potential Π of one island as a function of its unknowns.
@@ -140,6 +140,19 @@ pub trait Loading: Potential {
     /// Softens what keeps surfaces apart below the share `floor` of the distance at which it begins, so that they may penetrate each
     /// other on the way to a guess; 0: it is itself again. Returns whether it can.
     fn soften(&mut self, _floor: f64) -> bool {
+        false
+    }
+
+    /// Begins to watch, at `x`, where nothing overlaps, whether anything passes through anything: [`renew`](Loading::renew) looks.
+    fn watch(&mut self, _x: &[f64]) {}
+
+    /// What has passed through what since they are watched.
+    fn passed(&self) -> Option<&[String; 2]> {
+        None
+    }
+
+    /// Whether anything that is kept apart is close or overlaps at `x`.
+    fn meets(&self, _x: &[f64]) -> bool {
         false
     }
 
