@@ -53,7 +53,8 @@ impl Contact {
         *watch = Watch { p: self.surfaces.positions(x), seen: vec![Vec::new(); self.surfaces.cores.len()] };
     }
 
-    /// Looks where a step has led: the names of a body that has passed through another, and of that, where there are such.
+    /// Looks where a step leads: the names of a body that passes through another, and of that, where there are such; the step counts as
+    /// not taken then.
     pub fn look_for_passage(&self, x: &[f64]) -> Option<[String; 2]> {
         let all = &self.surfaces;
         let mut watch = self.watch.lock().expect("no thread panics while it watches");
@@ -61,20 +62,25 @@ impl Contact {
             return None; // nobody watches
         }
         let p = all.positions(x);
-        let before = std::mem::replace(&mut watch.p, p.clone());
+        let before = watch.p.clone();
+        let mut seen = watch.seen.clone();
         let moved = |i: usize| (p[i] - before[i]).norm();
         let ways: Vec<f64> =
             all.list.par_iter().map(|s| s.samples.clone().map(moved).fold(0.0, f64::max)).collect();
         let look = Look { contact: self, fitted: [self.fitted(&before), self.fitted(&p)], normals: self.normals(&p), p: [&before, &p], ways };
-        let passed: Vec<Option<(usize, usize)>> = watch
-            .seen
+        let passed: Vec<Option<(usize, usize)>> = seen
             .par_iter_mut()
             .zip(&all.cores)
             .with_min_len(64)
             .map(|(seen, core)| look.from(core, seen))
             .collect();
-        let (a, b) = passed.into_iter().flatten().next()?;
-        Some([a, b].map(|s| all.list[s].name.clone()))
+        match passed.into_iter().flatten().next() {
+            Some((a, b)) => Some([a, b].map(|s| all.list[s].name.clone())),
+            None => {
+                *watch = Watch { p, seen };
+                None
+            }
+        }
     }
 }
 

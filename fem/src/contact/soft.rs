@@ -100,7 +100,7 @@ impl Contact {
         };
         let farthest = (0..u.len()).into_par_iter().map(of_point).reduce(|| 0.0, f64::max);
         let mut share = (longest / farthest).min(1.0);
-        let least = |point: usize, other: usize| (share * against(point, other)).min(longest);
+        let least = |point: usize, other: usize| share * against(point, other);
         let ahead = self.near_within(&start, sampled(floor), &least, longest, 0.0);
         for n in ahead {
             let corners = all.triangles[n.triangle as usize];

@@ -840,8 +840,7 @@ impl Loading for LoadedIsland {
 
     fn renew(&mut self, x: &[f64]) -> bool {
         if self.floor > 0.0 && self.passed.is_none() {
-            let full = self.expand(x);
-            self.passed = self.contact(|contact| contact.look_for_passage(&full)).flatten();
+            self.passed = self.passage(x);
         }
         if self.anchor.is_empty() {
             return false;
@@ -878,6 +877,10 @@ impl Loading for LoadedIsland {
     fn watch(&mut self, x: &[f64]) {
         self.passed = None;
         self.contact(|contact| contact.begin_watch(&self.expand(x)));
+    }
+
+    fn passage(&self, x: &[f64]) -> Option<[String; 2]> {
+        self.contact(|contact| contact.look_for_passage(&self.expand(x))).flatten()
     }
 
     fn passed(&self) -> Option<&[String; 2]> {

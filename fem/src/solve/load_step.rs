@@ -258,18 +258,17 @@ impl Run<'_> {
                     length *= (0.9 * share).clamp(0.1, 0.9);
                     continue;
                 }
-                if share < 1.0 || !(potential.least_det_f(&trial).0 >= CARRIED_DET_F_SHARE * det_before) {
+                if share < 1.0
+                    || !(potential.least_det_f(&trial).0 >= CARRIED_DET_F_SHARE * det_before)
+                    || potential.passage(&trial).is_some()
+                {
                     potential.set_load(t, x);
                     break;
                 }
                 x.copy_from_slice(&trial);
                 t = next;
                 length = (2.0 * length).min(piece);
-                potential.renew(x);
                 meets |= potential.meets(x);
-                if potential.passed().is_some() {
-                    return Soft::Failed(t);
-                }
             }
             if t == until {
                 if !meets {
