@@ -273,6 +273,9 @@ fn failure(error: &SolveError) -> Value {
             "island": island, "frame": step, "place": place, "least_det_f": det_f,
             "reason": "the start is inadmissible", "message": message,
         }),
+        SolveError::WentThrough { step, pairs } => json!({
+            "frame": step, "pairs": pairs, "reason": "bodies went through each other", "message": message,
+        }),
         SolveError::Folded { island, step, place, det_f } => json!({
             "island": island, "frame": step, "place": place, "least_det_f": det_f,
             "reason": "what is prescribed turns an element inside out", "message": message,

@@ -21,7 +21,7 @@ struct State {
     x: Vec<u64>,
     /// Velocities \[m/s\]; empty without inertia.
     v: Vec<u64>,
-    islands: Vec<([u64; 18], Vec<u64>, Vec<u64>)>,
+    islands: Vec<([u64; 21], Vec<u64>, Vec<u64>)>,
     iterations: Vec<(String, [u64; 12])>,
 }
 
@@ -97,7 +97,7 @@ pub(crate) fn load(
     })
 }
 
-fn pack_advance(a: &Advance) -> ([u64; 18], Vec<u64>, Vec<u64>) {
+fn pack_advance(a: &Advance) -> ([u64; 21], Vec<u64>, Vec<u64>) {
     let counts = [
         a.load_steps,
         a.retries,
@@ -107,19 +107,22 @@ fn pack_advance(a: &Advance) -> ([u64; 18], Vec<u64>, Vec<u64>) {
         a.linear_iterations,
         a.factorizations,
         usize::from(a.tested_stable),
+        a.soft_ways,
+        usize::from(a.gone_again),
+        a.crossed_pairs,
     ]
     .map(|n| n as u64);
     let state = [a.residual, a.wanted, a.force_scale, a.energy, a.least_det_f];
     let times = [a.assembly_s, a.factorization_s, a.linear_s, a.contact_s, a.total_s];
     let bits = |list: &[f64]| list.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
-    let mut numbers = [0; 18];
+    let mut numbers = [0; 21];
     let all = counts.into_iter().chain(state.map(f64::to_bits)).chain(times.map(f64::to_bits));
     numbers.iter_mut().zip(all).for_each(|(to, from)| *to = from);
     (numbers, bits(&a.indefinite_at), bits(&a.unstable_at))
 }
 
-fn unpack_advance(packed: &([u64; 18], Vec<u64>, Vec<u64>)) -> Advance {
-    let ([c0, c1, c2, c3, c4, c5, c6, stable, values @ ..], indefinite, unstable) = packed;
+fn unpack_advance(packed: &([u64; 21], Vec<u64>, Vec<u64>)) -> Advance {
+    let ([c0, c1, c2, c3, c4, c5, c6, stable, soft_ways, again, crossed, values @ ..], indefinite, unstable) = packed;
     let values = values.map(f64::from_bits);
     let [residual, wanted, force_scale, energy, least_det_f, times @ ..] = values;
     let [assembly_s, factorization_s, linear_s, contact_s, total_s] = times;
@@ -133,6 +136,9 @@ fn unpack_advance(packed: &([u64; 18], Vec<u64>, Vec<u64>)) -> Advance {
         linear_iterations: *c5 as usize,
         factorizations: *c6 as usize,
         tested_stable: *stable == 1,
+        soft_ways: *soft_ways as usize,
+        gone_again: *again == 1,
+        crossed_pairs: *crossed as usize,
         residual,
         wanted,
         force_scale,
@@ -188,6 +194,9 @@ mod tests {
             loose_steps: 12,
             work: 13,
             tested_stable: true,
+            soft_ways: 14,
+            gone_again: true,
+            crossed_pairs: 15,
             wanted: 1e-7,
             iterations: 3,
             linear_iterations: 4,

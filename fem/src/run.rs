@@ -1,8 +1,8 @@
 //! The frame loop: a plan carried along a drive.
 
-use crate::measure::Snapshot;
-use crate::plan::{Load, LoadedIsland, Plan};
-use crate::solve::{Advance, Iteration, Settings, SolveError, Solver};
+use crate::measure::{Sides, Snapshot};
+use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
+use crate::solve::{Advance, Iteration, Settings, SolveError, Solver, Way};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -129,7 +129,10 @@ pub struct Session<'a> {
     /// Time that belongs to them \[s\].
     time: f64,
     from: Load,
+    settings: Settings,
     solvers: Vec<Solver>,
+    /// Who is on which side of whom; absent where nothing can touch, and in time, where bodies fly past each other.
+    sides: Option<Sides>,
     step: usize,
 }
 
@@ -161,7 +164,9 @@ impl<'a> Session<'a> {
             v: plan.inertia.as_ref().map_or(Vec::new(), |i| i.velocities.clone()),
             time: 0.0,
             from: plan.load(&[], &[]).expect("nothing is named"),
+            settings: *settings,
             solvers: plan.islands.iter().map(|i| Solver::new(&i.name, *settings)).collect(),
+            sides: if plan.inertia.is_none() { Sides::new(plan) } else { None },
             step: 0,
         })
     }
@@ -185,7 +190,7 @@ impl<'a> Session<'a> {
     /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the
     /// session stays at the last good state of each island and should not be used further.
     pub fn advance(&mut self, to: &DriveFrame) -> Advanced {
-        let (x, v, from, step) = (&self.x, &self.v, &self.from, self.step);
+        let step = self.step;
         let h = to.time - self.time;
         let inertia = self.plan.inertia.as_ref();
         let refused = match self.plan.check_load(&to.load) {
@@ -196,50 +201,30 @@ impl<'a> Session<'a> {
             Ok(()) => None,
         };
         if let Some(error) = refused {
-            let frame =
-                Frame { time: to.time, load: from.clone(), x: x.clone(), v: v.clone(), islands: Vec::new() };
+            let (load, x, v) = (self.from.clone(), self.x.clone(), self.v.clone());
+            let frame = Frame { time: to.time, load, x, v, islands: Vec::new() };
             return Advanced { frame, errors: vec![error], iterations: Vec::new() };
         }
-        let before = inertia.map(|_| x.clone());
-        let jobs: Vec<_> = self.plan.islands.iter().zip(&mut self.solvers).collect();
-        let results: Vec<_> = jobs
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|(island, solver)| {
-                let local = island.gather(x);
-                if let Some((det_f, place)) = island.folded(&to.load) {
-                    let island = island.name.clone();
-                    return (local, Err(SolveError::Folded { island, step, place, det_f }), Vec::new());
-                }
-                let mut free = island.free_positions(&local);
-                let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
-                if let Some(inertia) = inertia {
-                    let masses: Vec<f64> = island.nodes.iter().map(|&n| inertia.masses[n as usize]).collect();
-                    potential = potential.over(h, &masses, &local, &island.gather(v));
-                }
-                let mut rows = Vec::new();
-                let result = match free.is_empty() {
-                    true => {
-                        crate::solve::Loading::set_load(&mut potential, 1.0, &mut free);
-                        Ok(Advance::default())
-                    }
-                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
-                };
-                (potential.expand(&free), result, rows)
-            })
-            .collect();
+        let before = self.x.clone();
+        let mut solvers = std::mem::take(&mut self.solvers);
+        let mut solved = self.solve(to, &mut solvers);
+        self.solvers = solvers;
+        let refused = self.keep_sides(to, &mut solved);
         let (mut islands, mut errors, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
-        for (island, (local, result, rows)) in self.plan.islands.iter().zip(results) {
-            for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
-                self.x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
-            }
+        self.x = self.places(&solved);
+        for Solved { result, rows, .. } in solved {
             iterations.extend(rows);
             match result {
                 Ok(advance) => islands.push(advance),
                 Err(error) => errors.push(error),
             }
         }
-        if let Some(before) = before.filter(|_| errors.is_empty()) {
+        if let Some(error) = refused {
+            // Nothing of the frame is good.
+            self.x = before.clone();
+            errors.push(error);
+        }
+        if inertia.is_some() && errors.is_empty() {
             self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
         }
         self.from = to.load.clone();
@@ -249,6 +234,82 @@ impl<'a> Session<'a> {
             Frame { time: to.time, load: to.load.clone(), x: self.x.clone(), v: self.v.clone(), islands };
         Advanced { frame, errors, iterations }
     }
+
+    /// Solves every island, all from where the session is.
+    fn solve(&self, to: &DriveFrame, solvers: &mut [Solver]) -> Vec<Solved> {
+        let (x, from, step) = (&self.x, &self.from, self.step);
+        let inertia = self.plan.inertia.as_ref();
+        let jobs: Vec<_> = self.plan.islands.iter().zip(solvers).collect();
+        jobs.into_par_iter()
+            .with_max_len(1)
+            .map(|(island, solver)| {
+                let local = island.gather(x);
+                if let Some((det_f, place)) = island.folded(&to.load) {
+                    let island = island.name.clone();
+                    let folded = SolveError::Folded { island, step, place, det_f };
+                    return Solved { local, result: Err(folded), rows: Vec::new() };
+                }
+                let mut free = island.free_positions(&local);
+                let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
+                if let Some(inertia) = inertia {
+                    let masses: Vec<f64> = island.nodes.iter().map(|&n| inertia.masses[n as usize]).collect();
+                    let h = to.time - self.time;
+                    potential = potential.over(h, &masses, &local, &island.gather(&self.v));
+                }
+                let mut rows = Vec::new();
+                let result = match free.is_empty() {
+                    true => {
+                        crate::solve::Loading::set_load(&mut potential, 1.0, &mut free);
+                        Ok(Advance::default())
+                    }
+                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
+                };
+                Solved { local: potential.expand(&free), result, rows }
+            })
+            .collect()
+    }
+
+    /// Positions of all nodes with those of the islands.
+    fn places(&self, solved: &[Solved]) -> Vec<f64> {
+        let mut x = self.x.clone();
+        for (island, Solved { local, .. }) in self.plan.islands.iter().zip(solved) {
+            for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
+                x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
+            }
+        }
+        x
+    }
+
+    /// Looks whether bodies have gone through each other. Where softened contact may have led them there the frame is gone again by collision
+    /// detection alone; in the cheap mode, which has none, it is refused.
+    fn keep_sides(&self, to: &DriveFrame, solved: &mut Vec<Solved>) -> Option<SolveError> {
+        let sides = self.sides.as_ref().filter(|_| solved.iter().all(|s| s.result.is_ok()))?;
+        let was_led = |s: &Solved| s.result.as_ref().is_ok_and(|advance| advance.soft_ways > 0);
+        let mut crossed = sides.changed(&self.x, &self.places(solved));
+        if !crossed.is_empty() && solved.iter().any(was_led) {
+            tracing::info!(step = self.step, ?crossed, "softened contact leads through; gone again without it");
+            let strict = Settings { way: Way::Strict, ..self.settings };
+            let mut solvers: Vec<Solver> =
+                self.plan.islands.iter().map(|i| Solver::new(&i.name, strict)).collect();
+            *solved = self.solve(to, &mut solvers);
+            solved.iter_mut().flat_map(|s| &mut s.result).for_each(|advance| advance.gone_again = true);
+            crossed = sides.changed(&self.x, &self.places(solved));
+        }
+        if let Some(Ok(first)) = solved.first_mut().map(|s| &mut s.result) {
+            first.crossed_pairs = crossed.len();
+        }
+        let is_cheap = self.plan.contact().is_some_and(ContactPlan::is_cheap);
+        (is_cheap && !crossed.is_empty())
+            .then_some(SolveError::WentThrough { step: self.step, pairs: crossed })
+    }
+}
+
+/// An island as its solver leaves it.
+struct Solved {
+    /// Positions of its nodes \[m\].
+    local: Vec<f64>,
+    result: Result<Advance, SolveError>,
+    rows: Vec<Iteration>,
 }
 
 fn count(what: &'static str, found: usize, needed: usize, of: &str) -> Result<(), SolveError> {

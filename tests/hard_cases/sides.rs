@@ -46,16 +46,20 @@ fn trial() -> Outcome {
             }
         }
     }
-    let mut bad = 0;
-    for s in &scenes {
-        let big = solve(s, 1, if std::env::var("STRICT").is_ok() { Way::Strict } else { Way::Guided })?;
-        let small = solve(s, 60, Way::Strict)?;
-        let end = |r: &(Plan, Run, f64)| r.1.errors.first().map_or(Ok(r.1.frames.last().unwrap().x.clone()), |e| Err(e.to_string()));
+    use rayon::prelude::*;
+    let bad: usize = scenes.par_iter().with_max_len(1).map(|s| {
+        let mut bad = 0;
+        let big = solve(s, 1, if std::env::var("STRICT").is_ok() { Way::Strict } else { Way::Guided }).unwrap();
+        let small = solve(s, 60, Way::Strict).unwrap();
+        let end = |r: &(Plan, Run, f64)| r.1.errors.first().map_or_else(|| Ok(r.1.frames.last().unwrap().x.clone()), |e| Err(e.to_string()));
         let text = match (end(&big), end(&small)) {
             (Ok(a), Ok(b)) => { let d = far(&a, &b); if d > 3e-4 { bad += 1; } format!("{} {:.3} mm", if d > 3e-4 { "DIFF" } else { "same" }, d * 1e3) }
             (a, b) => { bad += 1; format!("ERR {:?} {:?}", a.err(), b.err()) }
         };
+        let c = |f: fn(&fem::solve::Advance) -> usize| big.1.count(f);
+        let text = format!("soft {} again {} crossed {} {text}", c(|a| a.soft_ways), c(|a| usize::from(a.gone_again)), c(|a| a.crossed_pairs));
         println!("{:6.2} s {:6.2} s  {} {}", big.2, small.2, text, s.name);
-    }
+        bad
+    }).sum();
     Ok(format!("{bad} of {}", scenes.len()))
 }

@@ -9,6 +9,7 @@ mod check;
 pub mod distance;
 mod error;
 pub mod intersect;
+pub mod linking;
 pub mod overlap;
 mod query;
 pub mod read;

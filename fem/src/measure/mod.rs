@@ -2,12 +2,14 @@
 
 mod field;
 mod section;
+mod sides;
 
 pub use field::{
     EffectEnergy, FibreState, SolidField, energies, fibre_states, kinetic_energy, membrane_field,
     solid_field, volume,
 };
 pub use section::{Cut, SectionForce, section_force};
+pub use sides::Sides;
 
 pub use crate::contact::PairForce;
 

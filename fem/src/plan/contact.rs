@@ -247,6 +247,11 @@ fn folded_nodes(mesh: &Mesh, points: &[[f64; 3]]) -> BTreeSet<u32> {
 }
 
 impl ContactPlan {
+    /// Whether surfaces may penetrate each other.
+    pub fn is_cheap(&self) -> bool {
+        self.mode == Mode::Cheap
+    }
+
     /// Refuses overlaps in the mesh deeper than may be mended; moves its nodes apart where others overlap or touch.
     pub fn mend(&mut self, mesh: &mut Mesh, motion: &[[Motion; 3]]) -> Result<Repair, SceneError> {
         if self.mode == Mode::Cheap {

@@ -18,7 +18,7 @@ mod surfaces;
 mod term;
 mod warning;
 
-pub use contact::Repair;
+pub use contact::{ContactPlan, ContactSurface, Repair};
 pub use error::SceneError;
 pub use inertia::Inertia;
 pub use island::{Island, Load, LoadedIsland, Motion};
@@ -29,7 +29,6 @@ pub use warning::Warning;
 use crate::effect::{DeadLoad, Effect, NO_NODE};
 use crate::mesh::Mesh;
 use crate::scene::{Course, ForceSpec, Scene};
-use contact::ContactPlan;
 use embed::Embedding;
 use error::{Mistakes, nearest};
 use std::path::Path;
@@ -64,6 +63,8 @@ pub struct Plan {
     pub strands: std::collections::BTreeSet<String>,
     /// Kinds of effects that the scene does not call for.
     pub absent: Vec<&'static str>,
+    /// Surfaces that take part in contact, and which of them may meet; absent where nothing can.
+    contact: Option<ContactPlan>,
     /// What was accepted and is probably a mistake; each is also a warning of `tracing`.
     pub warnings: Vec<Warning>,
 }
@@ -117,8 +118,14 @@ impl Plan {
             effects,
             repair,
             absent,
+            contact,
             warnings,
         })
+    }
+
+    /// Surfaces that take part in contact, and which of them may meet.
+    pub fn contact(&self) -> Option<&ContactPlan> {
+        self.contact.as_ref()
     }
 
     /// Compiles a scene file over the mesh that it names.

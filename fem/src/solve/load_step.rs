@@ -138,8 +138,9 @@ impl Run<'_> {
         potential.watch(x);
         let better = self.equilibrate_softly(potential, x, load) && potential.energy(x) < before;
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
-        if !better {
-            x.copy_from_slice(&start);
+        match better {
+            true => self.report.soft_ways += 1,
+            false => x.copy_from_slice(&start),
         }
         better
     }
@@ -212,6 +213,7 @@ impl Run<'_> {
             let passed = potential.passed();
             tracing::debug!(island = %self.name, step = self.step, from = t, to = until, n, ?outcome, ?passed, "carried along softly");
             if let Soft::Apart(reached) = outcome {
+                self.report.soft_ways += 1;
                 break Some(reached);
             }
             x.copy_from_slice(&start);

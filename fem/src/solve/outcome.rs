@@ -13,6 +13,13 @@ pub struct Advance {
     /// Load steps that contact or folding cells cut short and that the way went on from in looser equilibrium than
     /// was asked for (5 % of the forces in play). The end never is.
     pub loose_steps: usize,
+    /// Ways that softened contact showed and that were taken.
+    pub soft_ways: usize,
+    /// Whether softened contact led to another side of a body, so that the frame was gone again by collision detection alone.
+    pub gone_again: bool,
+    /// Pairs of bodies of which one went through the other, by lines through them that go straight from frame to frame
+    /// ([`Sides`](crate::measure::Sides)); counted at one island for all.
+    pub crossed_pairs: usize,
     /// Linear systems solved, for Newton's method and predictions: what [`Settings::max_work`](super::Settings::max_work) bounds.
     pub work: usize,
     /// Newton iterations, those of failed load steps included.
@@ -162,6 +169,18 @@ pub enum SolveError {
         place: String,
         /// Its least det F.
         det_f: f64,
+    },
+    /// Bodies went through each other, in a mode of contact that cannot keep them from it.
+    #[error(
+        "step {step}: {} went through each other, which the cheap mode of contact does not see where a step is large; divide the \
+         step, or take the guarded mode",
+        pairs.iter().map(|[a, b]| format!("`{a}` and `{b}`")).collect::<Vec<_>>().join(", ")
+    )]
+    WentThrough {
+        /// Step of the run.
+        step: usize,
+        /// The pairs.
+        pairs: Vec<[String; 2]>,
     },
     /// What is prescribed turns an element inside out.
     #[error(
