@@ -170,7 +170,9 @@ pub fn strap_over_cylinder(depth: f64, step: f64, variant: Variant) -> SideScene
 
 /// Depths \[m\] and steps \[thicknesses\] of the variants of [`strap_over_cylinder`].
 pub const DEPTHS: [f64; 5] = [2e-3, 5e-3, 10e-3, 20e-3, 40e-3];
+/// See [`DEPTHS`].
 pub const STEPS: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5, 10.0, 12.5, 15.0];
+/// See [`DEPTHS`].
 pub const VARIANTS: [Variant; 5] = [
     Variant::Plain,
     Variant::CylinderMoves,

@@ -1,0 +1,84 @@
+//! Who is on which side of whom: the look at it is silent on what moves and fires on what was swapped.
+
+use coupling::thigh::build::ThighEffects;
+use fem::measure::Sides;
+use fem::plan::Plan;
+use fem::run::{DriveFrame, Session};
+use fem::scene::ContactMode;
+use fem::solve::{Settings, SolveError, Way};
+use support::side_scenes::{Variant, strap_over_cylinder};
+
+/// The thigh of some muscles, with contact among them and with the bones.
+fn thigh(muscles: &[&str]) -> Plan {
+    let only: Vec<String> = muscles.iter().map(ToString::to_string).collect();
+    let effects = ThighEffects { fibres: false, shells: false };
+    let made = coupling::thigh::built_in(14e-3, &only, effects).expect("meshes");
+    let mut thigh = made.thigh.clone();
+    thigh.add_contact(&made.bones, &made.attachments);
+    Plan::new(&thigh.scene, thigh.mesh.clone()).expect("a plan")
+}
+
+/// The state in which the inside of a muscle is `by` \[m\] before (x) where it is in the mesh, its ends where they are.
+fn bulged(plan: &Plan, muscle: &str, by: f64) -> Vec<f64> {
+    let mut x = plan.reference();
+    let block = plan.mesh.blocks.iter().find(|b| b.name.starts_with(muscle) && b.kind.is_solid()).expect("its block");
+    let y = |n: &u32| plan.mesh.points[*n as usize][1];
+    let (lo, hi) = block.nodes.iter().map(y).fold((f64::MAX, f64::MIN), |(lo, hi), y| (lo.min(y), hi.max(y)));
+    let mut nodes = block.nodes.clone();
+    nodes.sort_unstable();
+    nodes.dedup();
+    for n in nodes {
+        let s = ((y(&n) - lo) / (hi - lo)).clamp(0.0, 1.0);
+        x[3 * n as usize] += by * (4.0 * s * (1.0 - s)).powf(0.25);
+    }
+    x
+}
+
+#[test]
+fn sartorius_behind_rectus_femoris_is_told() {
+    let plan = thigh(&["sartorius", "rectus_femoris", "vastus_lateralis"]);
+    let sides = Sides::new(&plan).expect("with contact");
+    let rest = plan.reference();
+    assert!(sides.changed(&rest, &rest).is_empty());
+    // Sartorius lies before rectus femoris: farther to the front it may go, to the back it goes through it.
+    assert!(sides.changed(&rest, &bulged(&plan, "sartorius", 0.03)).is_empty());
+    let told = sides.changed(&rest, &bulged(&plan, "sartorius", -0.08));
+    let pair = |[a, b]: &[String; 2]| {
+        (a.starts_with("sartorius") && b.starts_with("rectus")) || (a.starts_with("rectus") && b.starts_with("sartorius"))
+    };
+    assert!(told.iter().any(pair), "{told:?}");
+}
+
+#[test]
+fn the_same_frame_comes_out_guided_and_strict() {
+    let scene = strap_over_cylinder(20e-3, 5.0, Variant::Plain);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let sides = Sides::new(&plan).unwrap();
+    let end = |way: Way| {
+        let settings = Settings { way, ..Settings::default() };
+        let out = fem::run::run(&plan, &scene.drive(&plan, 1), &settings, None, &mut |_| {});
+        assert!(out.is_solved(), "{:?}", out.errors);
+        assert_eq!(out.count(|i| i.crossed_pairs), 0);
+        out.last().unwrap().x.clone()
+    };
+    let (guided, strict) = (end(Way::Guided), end(Way::Strict));
+    assert!(sides.changed(&strict, &guided).is_empty());
+    let off = guided.iter().zip(&strict).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 3e-5, "{off} m apart");
+}
+
+#[test]
+fn what_goes_through_in_the_cheap_mode_leaves_the_last_good_state() {
+    let scene = strap_over_cylinder(20e-3, 15.0, Variant::Plain).cheap();
+    assert_eq!(scene.scene.contact.as_ref().unwrap().mode, ContactMode::Cheap);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let drive = scene.drive(&plan, 1);
+    let mut session = Session::new(&plan, &Settings::default(), None).unwrap();
+    let first = session.advance(&drive.frames[0]);
+    assert!(first.errors.is_empty());
+    let DriveFrame { time, load } = &drive.frames[1];
+    let second = session.advance(&DriveFrame { time: *time, load: load.clone() });
+    let [SolveError::WentThrough { step: 1, pairs }] = &second.errors[..] else { panic!("{:?}", second.errors) };
+    assert_eq!(pairs[0], ["strap_block", "cylinder_block"]);
+    assert_eq!(second.frame.x, first.frame.x);
+}
