@@ -207,10 +207,10 @@ fn over(name: String, random: &mut Random) -> SideScene {
     s.soft("strap", brick([16, 2, 2], [-half, -wide, 0.0], [half, wide, thick]));
     let depth = random.between(1e-3, 30e-3);
     let n_rods = random.integer(1, 3);
+    let axis = Vector3::new(random.between(-0.3, 0.3), 1.0, 0.0).normalize();
     for i in 0..n_rods {
-        let radius = random.between(2e-3, 4e-3);
-        let x = (i as f64 - 0.5 * (n_rods - 1) as f64) * 0.45 * half + random.between(-1e-3, 1e-3);
-        let axis = Vector3::new(random.between(-0.3, 0.3), 1.0, 0.0).normalize();
+        let radius = random.between(2e-3, 3.5e-3);
+        let x = (i as f64 - 0.5 * (n_rods - 1) as f64) * 0.5 * half + random.between(-1e-3, 1e-3);
         let centre = [x, 0.0, -depth - radius - random.between(0.0, 1e-3)];
         s.rigid(&format!("rod{i}"), rod(radius, 0.06, centre, axis, 12), "rods");
     }
