@@ -15,7 +15,6 @@
 
 #![allow(non_snake_case)]
 
-mod admit;
 pub mod barrier;
 mod candidates;
 pub mod ccd;

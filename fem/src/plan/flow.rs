@@ -14,10 +14,6 @@ use rayon::prelude::*;
 
 /// Turn of a body \[rad\] that is followed at once.
 const TURN: f64 = 0.05;
-/// Pieces in which the way of obstacles is followed.
-const OBSTACLE_PIECES: usize = 16;
-/// Pieces at most into which a load step is divided.
-const MOST_PIECES: usize = 64;
 
 /// The weights of the bodies at the free nodes of an island.
 pub struct Flow {
@@ -112,10 +108,10 @@ impl Flow {
             }
             _ => None,
         });
-        let turns = moving.map(|angle| ((angle / TURN).ceil() as usize).clamp(1, MOST_PIECES));
+        let turns = moving.map(|angle| ((angle / TURN).ceil() as usize).max(1));
         let moves = |&(control, u): &(usize, f64)| u != 0.0 && from.controls[control] != to.controls[control];
         let pushes = self.obstacles.iter().flatten().any(moves);
-        turns.max().unwrap_or(0).max(if pushes { OBSTACLE_PIECES } else { 0 })
+        turns.max().unwrap_or(0).max(usize::from(pushes))
     }
 
     /// Moves the free nodes at `x` \[m\] from one load to another.

@@ -787,13 +787,6 @@ impl Potential for LoadedIsland {
         self.contact(share).unwrap_or(1.0)
     }
 
-    fn admit(&self, from: &[f64], x: &mut [f64]) -> bool {
-        let admit = |contact: &Contact| contact.admit(from, &self.expand(x), &|n| self.island.is_free(n));
-        let Some(admitted) = self.contact(admit).flatten() else { return false };
-        self.island.take_free(&admitted, x);
-        true
-    }
-
     fn contact_seconds(&self) -> f64 {
         1e-9 * self.in_contact.load(Ordering::Relaxed) as f64
     }

@@ -11,37 +11,21 @@ use std::time::Instant;
 
 /// While the load is carried over, least det F may fall to this share in one go.
 const DET_F_SHARE: f64 = 0.1;
-/// The same where the bodies drag the nodes along, which is a coarser guess.
-const CARRIED_DET_F_SHARE: f64 = 0.3;
 /// Shortest share of what is left of a load step that is carried over at once.
 const LEAST_CARRY: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
-/// The same where cells would fold while softened contact is carried along: most folds are gone long before equilibrium.
-const UNFOLDED: f64 = 0.5;
 /// The same where what is left of overlaps does not let itself be parted.
 const CLOSER: f64 = 0.01;
-/// Share of what is left of a load step below which contact has cut it short.
-const SHORT_CARRY: f64 = 0.3;
 /// Shares of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
 /// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
 const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
-/// Softened contact that fails goes half as far, down to the whole way divided by this.
-const SHORTEST_SOFT_WAY: f64 = 4.0;
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Unstable equilibria that are left in one load step.
 const MAX_KICKS: usize = 3;
 /// Attempts to carry the load over within one load step.
 const MAX_CARRIES: usize = 16;
-
-/// Bends the way from `places` to `trial` where surfaces would touch; the share of it on which nothing does then, 1 where nothing can.
-fn admitted(potential: &dyn Loading, places: &[f64], trial: &mut [f64]) -> f64 {
-    match places.is_empty() || potential.admit(places, trial) {
-        true => 1.0,
-        false => potential.free_share(places, trial),
-    }
-}
 
 /// Whether no element is inverted at `x`, and none flatter than `least` where that is a bound.
 fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
@@ -159,8 +143,8 @@ impl Run<'_> {
         parted && potential.passed().is_none() && is_sound(potential, x, 0.0)
     }
 
-    /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in play;
-    /// returns whether it got there.
+    /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in
+    /// play; returns whether it got there.
     fn relax(
         &mut self,
         potential: &mut dyn Loading,
@@ -222,7 +206,7 @@ impl Run<'_> {
             let Soft::Failed(reached) = outcome else { break None };
             // Up to where it failed it would go the same way again.
             until = (t + (until - t) / 2.0).min(reached);
-            if until - t < (target - t) / SHORTEST_SOFT_WAY {
+            if until - t < piece {
                 break None;
             }
         };
@@ -241,7 +225,7 @@ impl Run<'_> {
         until: f64,
         piece: f64,
     ) -> Soft {
-        let (mut meets, mut enough) = (false, ON_THE_WAY);
+        let mut meets = false;
         let mut trial = x.to_vec();
         potential.watch(x);
         loop {
@@ -261,7 +245,7 @@ impl Run<'_> {
                     continue;
                 }
                 if share < 1.0
-                    || !(potential.least_det_f(&trial).0 >= CARRIED_DET_F_SHARE * det_before)
+                    || !(potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before)
                     || potential.passage(&trial).is_some()
                 {
                     potential.set_load(t, x);
@@ -279,14 +263,11 @@ impl Run<'_> {
                 break;
             }
             meets = true;
-            // Where that does not get it any farther, nearer to equilibrium it may.
-            let is_stuck = t == from && enough == ON_THE_WAY;
-            enough = if t == from { ON_THE_WAY } else { UNFOLDED };
-            if is_stuck {
+            if t == from {
                 // The rest is a load step of its own, from where surfaces are apart again.
                 break;
             }
-            if !self.relax(potential, x, t, FLOORS[0], enough) {
+            if !self.relax(potential, x, t, FLOORS[0], ON_THE_WAY) {
                 return Soft::Failed(t);
             }
         }
@@ -341,19 +322,20 @@ impl Run<'_> {
                 }
             }
             let (det_before, _) = potential.least_det_f(x);
-            let mut length = 1.0;
+            let (mut length, mut is_held_up) = (1.0, false);
             loop {
                 let load = if length == 1.0 { target } else { t + length * (target - t) };
                 for i in 0..n {
                     trial[i] = x[i] + length * dx[i];
                 }
                 potential.set_load(load, &mut trial);
-                let free = admitted(potential, &places, &mut trial);
+                let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
                 if free >= 1.0 && is_sound(potential, &trial, DET_F_SHARE * det_before) {
                     x.copy_from_slice(&trial);
                     t = load;
                     break;
                 }
+                is_held_up |= free < 1.0;
                 // Forces alone: Newton's first step predicts with the stiffness that they bring, and searches along its line.
                 if t == first && places.is_empty() && !displaces {
                     potential.set_load(target, x);
@@ -378,7 +360,7 @@ impl Run<'_> {
             let state = [norm(&g), potential.force_scale(x), potential.energy(x)];
             self.record(potential, x, t, 0, state, &taken, start);
             // What contact holds up is brought near equilibrium first: its barrier has met what it had not seen.
-            if length < SHORT_CARRY && !places.is_empty() {
+            if is_held_up {
                 return Ok(t);
             }
         }
@@ -404,8 +386,8 @@ impl Run<'_> {
             let places = potential.touching(x);
             trial.copy_from_slice(x);
             potential.carry(load, &mut trial);
-            if admitted(potential, &places, &mut trial) >= 1.0
-                && is_sound(potential, &trial, CARRIED_DET_F_SHARE * det_before)
+            if potential.free_share(&places, &trial) >= 1.0
+                && is_sound(potential, &trial, DET_F_SHARE * det_before)
             {
                 x.copy_from_slice(&trial);
                 reached = load;

@@ -95,12 +95,6 @@ pub trait Potential: Send + Sync {
         1.0
     }
 
-    /// Changes `x` where surfaces would touch on the straight way from the places `from`, so that nothing does, and leaves the rest
-    /// of the way as it is. Returns whether `x` can now be reached; where not it is left as it was.
-    fn admit(&self, _from: &[f64], _x: &mut [f64]) -> bool {
-        false
-    }
-
     /// Seconds spent so far in what keeps surfaces apart.
     fn contact_seconds(&self) -> f64 {
         0.0
