@@ -1,12 +1,12 @@
 //! Who is on which side of whom: the look at it is silent on what moves and fires on what was swapped.
 
 use coupling::thigh::build::ThighEffects;
-use fem::measure::Sides;
+use fem::measure::{Sides, pair_forces};
 use fem::plan::Plan;
 use fem::run::{DriveFrame, Session};
 use fem::scene::ContactMode;
 use fem::solve::{Settings, SolveError, Way};
-use support::side_scenes::{Variant, strap_over_cylinder};
+use support::side_scenes::{Variant, pressed_block, strap_over_cylinder};
 
 /// The thigh of some muscles, with contact among them and with the bones.
 fn thigh(muscles: &[&str]) -> Plan {
@@ -81,4 +81,61 @@ fn what_goes_through_in_the_cheap_mode_leaves_the_last_good_state() {
     let [SolveError::WentThrough { step: 1, pairs }] = &second.errors[..] else { panic!("{:?}", second.errors) };
     assert_eq!(pairs[0], ["strap_block", "cylinder_block"]);
     assert_eq!(second.frame.x, first.frame.x);
+}
+
+#[test]
+fn the_inside_of_a_rigid_block_moves_with_it() {
+    let scene = strap_over_cylinder(5e-3, 1.0, Variant::CylinderMoves);
+    let mut mesh = scene.mesh.clone();
+    // Its boundary alone is tied.
+    let cylinder = mesh.blocks.iter().find(|b| b.name == "cylinder_block").unwrap();
+    let mut boundary: Vec<u32> = cylinder.boundary().unwrap().into_iter().flatten().collect();
+    boundary.sort_unstable();
+    boundary.dedup();
+    let inner: Vec<u32> = cylinder.nodes.iter().copied().filter(|n| !boundary.contains(n)).collect();
+    assert!(inner.len() > 100);
+    mesh.node_sets.insert("cylinder_all".into(), boundary);
+    let plan = Plan::new(&scene.scene, mesh).unwrap();
+    let out = fem::run::run(&plan, &scene.drive(&plan, 1), &Settings::default(), None, &mut |_| {});
+    assert!(out.is_solved(), "{:?}", out.errors);
+    for n in inner {
+        let (now, then) = (out.last().unwrap().x[3 * n as usize + 2], plan.mesh.points[n as usize][2]);
+        assert!((now - then - 2e-3).abs() < 1e-12, "node {n} has moved by {}", now - then);
+    }
+}
+
+#[test]
+fn a_frame_without_solution_says_that_prescribed_faces_overlap() {
+    // The plates are 11 mm apart.
+    let scene = pressed_block(12e-3);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    // It need not be tried long.
+    let settings = Settings { max_iterations: 5, least_step: 0.5, way: Way::Strict, ..Settings::default() };
+    let out = fem::run::run(&plan, &scene.drive(&plan, 1), &settings, None, &mut |_| {});
+    let [SolveError::NotConverged(_), SolveError::NoRoom { pairs, .. }] = &out.errors[..] else {
+        panic!("{:?}", out.errors)
+    };
+    assert_eq!(pairs[0].0, ["lower_block", "upper_block"]);
+    assert!(out.errors[1].to_string().contains("what is between them has no room"), "{}", out.errors[1]);
+}
+
+#[test]
+fn two_surfaces_press_on_one_area_whoever_is_named_first() {
+    let scene = pressed_block(3e-3);
+    let measure = |turned: bool| {
+        let mut scene_file = scene.scene.clone();
+        if turned {
+            scene_file.contact.as_mut().unwrap().surfaces.reverse();
+        }
+        let plan = Plan::new(&scene_file, scene.mesh.clone()).unwrap();
+        let out = fem::run::run(&plan, &scene.drive(&plan, 1), &Settings::default(), None, &mut |_| {});
+        assert!(out.is_solved(), "{:?}", out.errors);
+        let pairs = pair_forces(&plan, out.last().unwrap().snapshot(), [0.0; 3]);
+        let lower = pairs.into_iter().find(|p| p.names.contains(&"lower_block".to_string())).unwrap();
+        (lower.area, lower.standoff)
+    };
+    let ((area, standoff), (turned, _)) = (measure(false), measure(true));
+    assert!((area / turned - 1.0).abs() < 1e-3, "{area} and {turned} m2");
+    // The layer of 0.3 mm is squeezed, and not to nothing.
+    assert!((2e-5..3e-4).contains(&standoff), "{standoff} m");
 }

@@ -276,6 +276,9 @@ fn failure(error: &SolveError) -> Value {
         SolveError::WentThrough { step, pairs } => json!({
             "frame": step, "pairs": pairs, "reason": "bodies went through each other", "message": message,
         }),
+        SolveError::NoRoom { step, pairs } => json!({
+            "frame": step, "pairs": pairs, "reason": "prescribed faces overlap", "message": message,
+        }),
         SolveError::Folded { island, step, place, det_f } => json!({
             "island": island, "frame": step, "place": place, "least_det_f": det_f,
             "reason": "what is prescribed turns an element inside out", "message": message,

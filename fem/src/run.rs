@@ -1,6 +1,6 @@
 //! The frame loop: a plan carried along a drive.
 
-use crate::measure::{Sides, Snapshot};
+use crate::measure::{Sides, Snapshot, prescribed_overlaps};
 use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
 use crate::solve::{Advance, Iteration, Settings, SolveError, Solver, Way};
 use rayon::prelude::*;
@@ -211,7 +211,7 @@ impl<'a> Session<'a> {
         self.solvers = solvers;
         let refused = self.keep_sides(to, &mut solved);
         let (mut islands, mut errors, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
-        self.x = self.places(&solved);
+        self.x = self.places(to, &solved);
         for Solved { result, rows, .. } in solved {
             iterations.extend(rows);
             match result {
@@ -223,6 +223,10 @@ impl<'a> Session<'a> {
             // Nothing of the frame is good.
             self.x = before.clone();
             errors.push(error);
+        }
+        if !errors.is_empty() {
+            let pairs = prescribed_overlaps(self.plan, &to.load);
+            errors.extend((!pairs.is_empty()).then_some(SolveError::NoRoom { step, pairs }));
         }
         if inertia.is_some() && errors.is_empty() {
             self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
@@ -270,8 +274,11 @@ impl<'a> Session<'a> {
     }
 
     /// Positions of all nodes with those of the islands.
-    fn places(&self, solved: &[Solved]) -> Vec<f64> {
+    fn places(&self, to: &DriveFrame, solved: &[Solved]) -> Vec<f64> {
         let mut x = self.x.clone();
+        if solved.iter().all(|s| s.result.is_ok()) {
+            self.plan.prescribe_idle(&to.load, &mut x);
+        }
         for (island, Solved { local, .. }) in self.plan.islands.iter().zip(solved) {
             for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
                 x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
@@ -285,7 +292,7 @@ impl<'a> Session<'a> {
     fn keep_sides(&self, to: &DriveFrame, solved: &mut Vec<Solved>) -> Option<SolveError> {
         let sides = self.sides.as_ref().filter(|_| solved.iter().all(|s| s.result.is_ok()))?;
         let was_led = |s: &Solved| s.result.as_ref().is_ok_and(|advance| advance.soft_ways > 0);
-        let mut crossed = sides.changed(&self.x, &self.places(solved));
+        let mut crossed = sides.changed(&self.x, &self.places(to, solved));
         if !crossed.is_empty() && solved.iter().any(was_led) {
             tracing::info!(step = self.step, ?crossed, "softened contact leads through; gone again without it");
             let strict = Settings { way: Way::Strict, ..self.settings };
@@ -293,7 +300,7 @@ impl<'a> Session<'a> {
                 self.plan.islands.iter().map(|i| Solver::new(&i.name, strict)).collect();
             *solved = self.solve(to, &mut solvers);
             solved.iter_mut().flat_map(|s| &mut s.result).for_each(|advance| advance.gone_again = true);
-            crossed = sides.changed(&self.x, &self.places(solved));
+            crossed = sides.changed(&self.x, &self.places(to, solved));
         }
         if let Some(Ok(first)) = solved.first_mut().map(|s| &mut s.result) {
             first.crossed_pairs = crossed.len();

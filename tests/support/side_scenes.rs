@@ -181,6 +181,18 @@ pub const VARIANTS: [Variant; 5] = [
     Variant::OneFrame,
 ];
 
+/// A soft block of 20 mm, 10 mm high, between two plates; each comes nearer by half of `by` \[m\], and they are 11 mm apart.
+pub fn pressed_block(by: f64) -> SideScene {
+    let mut s = SideScene::empty("block between plates".into(), 0.3e-3);
+    s.soft("block", brick([5, 5, 4], [-0.01, -0.01, -5e-3], [0.01, 0.01, 5e-3]));
+    s.tie("block_x_min", "wall");
+    let plate = |z: f64| brick([4, 4, 1], [-0.008, -0.008, z - 1e-3], [0.02, 0.008, z + 1e-3]);
+    s.rigid("lower", plate(-6.5e-3), "lower");
+    s.rigid("upper", plate(6.5e-3), "upper");
+    s.frame(&[("lower", shift(0.0, 0.0, by / 2.0)), ("upper", shift(0.0, 0.0, -by / 2.0))]);
+    s
+}
+
 /// The names of the families of [`random_side_scene`].
 pub const FAMILIES: [&str; 6] =
     ["strap over rods", "straps across", "straps round an axis", "strap between", "sheets and stacks", "blobs and pegs"];

@@ -15,8 +15,11 @@ pub struct PairForce {
     pub names: [String; 2],
     /// Force \[N\] and moment \[N·m\] on the first; the second has the opposite.
     pub wrench: Wrench,
-    /// Area \[m²\] of the first, in the reference configuration, on which they press.
+    /// Area \[m²\] on which they press: the mean of what presses of either, in the reference configuration.
     pub area: f64,
+    /// Distance \[m\] at which they press, its mean weighted with the pressure: the layer between them takes so much room, and they press as
+    /// if they were thicker by that. Of the cheap mode the mean penetration, negative.
+    pub standoff: f64,
     /// Least distance \[m\]; negative the greatest penetration, of the cheap mode.
     pub least_distance: f64,
     /// Greatest pressure \[Pa\] at a collision point of either, per reference area.
@@ -31,6 +34,7 @@ impl Contact {
         let (p, stencils) = (&terms.p, &terms.stencils);
         let mut pairs = BTreeMap::<[usize; 2], PairForce>::new();
         let mut pressures = BTreeMap::<(u32, usize), f64>::new();
+        let mut pushes = BTreeMap::<[usize; 2], [f64; 2]>::new();
         for stencil in stencils {
             let points = stencil.points;
             let edges = stencil.edges > 0.0;
@@ -41,6 +45,7 @@ impl Contact {
                 names: key.map(|s| all.list[s].name.clone()),
                 wrench: Wrench::default(),
                 area: 0.0,
+                standoff: 0.0,
                 least_distance: f64::INFINITY,
                 peak_pressure: 0.0,
             });
@@ -56,15 +61,21 @@ impl Contact {
                 let push =
                     -2.0 * sign * g[0].dot(&stencil.closest.w) / stencil.distance().max(f64::MIN_POSITIVE);
                 *pressures.entry((points[0], b)).or_default() += push / all.areas[points[0] as usize];
+                let [weight, sum] = pushes.entry(key).or_default();
+                *weight += push;
+                *sum += push * sign * stencil.distance();
             }
         }
         for ((point, other), pressure) in pressures {
             let mine = all.surface(point);
             let pair = pairs.get_mut(&[mine.min(other), mine.max(other)]).expect("it has a term");
             pair.peak_pressure = pair.peak_pressure.max(pressure);
-            if mine <= other && pressure > 0.0 {
-                pair.area += all.areas[point as usize];
+            if pressure > 0.0 {
+                pair.area += 0.5 * all.areas[point as usize];
             }
+        }
+        for (key, [weight, sum]) in pushes.into_iter().filter(|(_, [weight, _])| *weight > 0.0) {
+            pairs.get_mut(&key).expect("it has a term").standoff = sum / weight;
         }
         pairs.into_values().collect()
     }

@@ -35,6 +35,37 @@ pub fn pair_forces(plan: &Plan, at: Snapshot, about: [f64; 3]) -> Vec<PairForce>
     plan.islands.iter().filter_map(of).flatten().collect()
 }
 
+/// Pairs of surfaces that take part in contact, with how many pairs of their prescribed triangles intersect under a load and did not in
+/// the mesh (as ends of muscles in bones do): contact looks at no pair of which both sides are prescribed. Exact.
+pub fn prescribed_overlaps(plan: &Plan, load: &Load) -> Vec<([String; 2], usize)> {
+    let start = plan.load(&[], &[]).expect("nothing is named");
+    let before = prescribed_intersections(plan, &start);
+    let mut now = prescribed_intersections(plan, load);
+    now.retain(|(names, _)| before.iter().all(|(known, _)| known != names));
+    now
+}
+
+fn prescribed_intersections(plan: &Plan, load: &Load) -> Vec<([String; 2], usize)> {
+    let Some(contact) = plan.contact() else { return Vec::new() };
+    let mut places = plan.mesh.points.clone();
+    for (n, place) in places.iter_mut().enumerate() {
+        load.prescribe(&plan.motion[n], &plan.mesh.points[n], place);
+    }
+    let is_prescribed = |face: &&[u32; 4]| {
+        face.iter().all(|&n| !plan.motion[n as usize].iter().any(Motion::is_unknown))
+    };
+    let surface = |s: &crate::plan::ContactSurface| {
+        let faces: Vec<[u32; 4]> = s.faces.iter().filter(is_prescribed).copied().collect();
+        let (surface, _) = crate::geometry::Surface::from_faces(&places, &faces);
+        crate::geometry::SearchSurface::new(surface)
+    };
+    let surfaces: Vec<_> = contact.surfaces.iter().map(surface).collect();
+    let pairs = (0..surfaces.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
+    let counted = pairs.map(|[a, b]| ([a, b], surfaces[a].intersections(&surfaces[b]).len()));
+    let names = |pair: [usize; 2]| pair.map(|s| contact.surfaces[s].name.clone());
+    counted.filter(|(_, n)| *n > 0).map(|(pair, n)| (names(pair), n)).collect()
+}
+
 /// Energy \[J\] of contact; 0 where there is none.
 pub fn contact_energy(plan: &Plan, at: Snapshot) -> f64 {
     let of = |island: &std::sync::Arc<crate::plan::Island>| {

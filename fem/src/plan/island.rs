@@ -60,6 +60,18 @@ pub struct Load {
 }
 
 impl Load {
+    /// Sets what is prescribed of the place `x` \[m\] of a node that is at `X` \[m\] in the mesh.
+    pub fn prescribe(&self, motion: &[Motion; 3], X: &[f64; 3], x: &mut [f64; 3]) {
+        for c in 0..3 {
+            match motion[c] {
+                Motion::Free | Motion::Follows(_) | Motion::Slides(_) => {}
+                Motion::Held => x[c] = X[c],
+                Motion::Control(control, u) => x[c] = X[c] + self.controls[control] * u,
+                Motion::Body(b) => x[c] = (self.poses[b] * nalgebra::Point3::from(*X))[c],
+            }
+        }
+    }
+
     /// The load a share `t` of the way to `end`; bodies turn about `pivots` \[m\] of the mesh.
     pub fn towards(&self, end: &Load, pivots: &[[f64; 3]], t: f64) -> Load {
         // Both ends exactly: frames of a run meet there.
@@ -312,19 +324,9 @@ impl Island {
 
     /// Sets the prescribed components of all local nodes in `x` \[m\].
     pub fn prescribe(&self, load: &Load, x: &mut [f64]) {
-        for (n, motion) in self.motion.iter().enumerate() {
-            for c in 0..3 {
-                let i = 3 * n + c;
-                match motion[c] {
-                    Motion::Free | Motion::Follows(_) | Motion::Slides(_) => {}
-                    Motion::Held => x[i] = self.X[i],
-                    Motion::Control(control, u) => x[i] = self.X[i] + load.controls[control] * u,
-                    Motion::Body(b) => {
-                        let X = nalgebra::Point3::from_slice(&self.X[3 * n..3 * n + 3]);
-                        x[i] = (load.poses[b] * X)[c];
-                    }
-                }
-            }
+        let places = x.as_chunks_mut::<3>().0.iter_mut().zip(self.X.as_chunks::<3>().0);
+        for (motion, (x, X)) in self.motion.iter().zip(places) {
+            load.prescribe(motion, X, x);
         }
     }
 

@@ -63,6 +63,8 @@ pub struct Plan {
     pub strands: std::collections::BTreeSet<String>,
     /// Kinds of effects that the scene does not call for.
     pub absent: Vec<&'static str>,
+    /// Nodes of no island of which something is prescribed, as those inside rigid blocks.
+    idle: Vec<u32>,
     /// Surfaces that take part in contact, and which of them may meet; absent where nothing can.
     contact: Option<ContactPlan>,
     /// What was accepted and is probably a mistake; each is also a warning of `tracing`.
@@ -99,6 +101,10 @@ impl Plan {
         let islands =
             islands(&mesh, &terms, (&motion, &slides), &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
+        let mut idle: std::collections::BTreeSet<u32> = (0..mesh.points.len() as u32).collect();
+        islands.iter().flat_map(|i| &i.nodes).for_each(|n| drop(idle.remove(n)));
+        idle.retain(|n| !motion[*n as usize].iter().all(Motion::is_unknown));
+        let idle = idle.into_iter().collect();
         let Names { controls, bodies } = names;
         let absent = absent(scene);
         let strands = scene.strands.iter().map(|s| s.region.clone()).collect();
@@ -118,9 +124,18 @@ impl Plan {
             effects,
             repair,
             absent,
+            idle,
             contact,
             warnings,
         })
+    }
+
+    /// Sets what is prescribed of nodes that belong to no island; `x`: positions \[m\] of all nodes.
+    pub(crate) fn prescribe_idle(&self, load: &Load, x: &mut [f64]) {
+        let places = x.as_chunks_mut::<3>().0;
+        for &n in &self.idle {
+            load.prescribe(&self.motion[n as usize], &self.mesh.points[n as usize], &mut places[n as usize]);
+        }
     }
 
     /// Surfaces that take part in contact, and which of them may meet.

@@ -33,6 +33,7 @@ pub fn motions(
         mistakes.keep(table.plane(spec, mesh));
     }
     mistakes.end()?;
+    table.fill_rigid_blocks(scene, mesh)?;
     table.slide()
 }
 
@@ -54,6 +55,22 @@ struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
+    /// The inside of a block that is no solid of the scene and whose boundary moves with one body moves with it, too.
+    fn fill_rigid_blocks(&mut self, scene: &Scene, mesh: &Mesh) -> Result<(), SceneError> {
+        let is_solid = |name: &String| scene.solids.iter().any(|s| s.region == *name);
+        for block in mesh.blocks.iter().filter(|b| b.kind.is_solid() && !is_solid(&b.name)) {
+            let boundary = block.boundary()?;
+            let Some(first) = boundary.first().map(|face| self.motion[face[0] as usize]) else { continue };
+            let moves_with_body = matches!(first, [Motion::Body(_), ..]) && first == [first[0]; 3];
+            if moves_with_body && boundary.iter().flatten().all(|&n| self.motion[n as usize] == first) {
+                let inner = block.nodes.iter().filter(|n| self.motion[**n as usize] == [Motion::Free; 3]);
+                let inner: Vec<u32> = inner.copied().collect();
+                inner.into_iter().for_each(|n| self.motion[n as usize] = first);
+            }
+        }
+        Ok(())
+    }
+
     fn prescribe(
         &mut self,
         spec: &'a PrescribedSpec,

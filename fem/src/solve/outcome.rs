@@ -182,6 +182,17 @@ pub enum SolveError {
         /// The pairs.
         pairs: Vec<[String; 2]>,
     },
+    /// A step that failed would end with prescribed faces in each other: what is between them has no room.
+    #[error(
+        "step {step}: at its end {} overlap, which are prescribed there and which nothing keeps apart; what is between them has no room",
+        pairs.iter().map(|([a, b], n)| format!("faces of `{a}` and `{b}` ({n} pairs of triangles)")).collect::<Vec<_>>().join(", ")
+    )]
+    NoRoom {
+        /// Step of the run.
+        step: usize,
+        /// The surfaces, and how many pairs of their triangles intersect.
+        pairs: Vec<([String; 2], usize)>,
+    },
     /// What is prescribed turns an element inside out.
     #[error(
         "`{island}`, step {step}: all nodes of {place} are prescribed, and there it is turned inside out, det F = {det_f:.2e}; \
