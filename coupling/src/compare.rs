@@ -8,7 +8,7 @@ use fem::body::Pose;
 use fem::contact::Mode;
 use fem::effect::Part;
 use fem::geometry::{SearchSurface, Surface};
-use fem::measure::collision_surfaces;
+use fem::measure::{PairForce, collision_surfaces, pair_forces};
 use fem::mesh::muscle::Bone;
 use fem::output::{Restart, run_restartable};
 use fem::parts::{Beside, MovingBone};
@@ -58,6 +58,36 @@ pub struct StepForces {
     pub muscles: Vec<MuscleForce>,
 }
 
+/// Whether everybody has stayed on its side of everybody else, by lines through the bodies ([`fem::measure::Sides`]).
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct KeptSides {
+    /// Pairs of bodies that may meet.
+    pub pairs: usize,
+    /// Pairs of which one went through the other by that look, all frames together.
+    pub crossed_pairs: usize,
+    /// Frames in which softened contact led through, and which collision detection alone went again.
+    pub frames_gone_again: usize,
+    /// Distance \[mm\] at which surfaces press in the last frame, its mean weighted with the forces: they press as if they were thicker by
+    /// that.
+    pub standoff_mm: f64,
+}
+
+impl KeptSides {
+    fn new(plan: &Plan, run: &Run) -> Option<KeptSides> {
+        let contact = plan.contact()?;
+        let pressed = run.last().map_or(Vec::new(), |f| pair_forces(plan, f.snapshot(), [0.0; 3]));
+        let force = |p: &PairForce| nalgebra::Vector3::from(p.wrench.force).norm();
+        let (sum, all) = pressed.iter().fold((0.0, 0.0), |(sum, all), p| (sum + force(p) * p.standoff, all + force(p)));
+        let went_again = |f: &&Frame| f.islands.iter().any(|i| i.gone_again);
+        Some(KeptSides {
+            pairs: contact.pairs.iter().filter(|[a, b]| a != b).count(),
+            crossed_pairs: run.count(|i| i.crossed_pairs),
+            frames_gone_again: run.frames.iter().filter(went_again).count(),
+            standoff_mm: if all > 0.0 { 1e3 * sum / all } else { 0.0 },
+        })
+    }
+}
+
 /// One configuration carried through the steps.
 pub struct Configuration {
     /// What was computed.
@@ -68,6 +98,8 @@ pub struct Configuration {
     pub intersections: Vec<String>,
     /// Volume that muscles share with each other at each solved step \[m³\].
     pub overlaps: Vec<f64>,
+    /// Who is where, and how far apart they press; absent without contact.
+    pub sides: Option<KeptSides>,
     /// Wall time of the solution.
     pub time: Duration,
     /// Frames on the way to the first step.
@@ -225,7 +257,8 @@ pub fn measured(
             intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
         }
     }
-    Configuration { run, steps: forces, intersections, overlaps, time, on_the_way: passive }
+    let sides = KeptSides::new(plan, &run);
+    Configuration { run, steps: forces, intersections, overlaps, sides, time, on_the_way: passive }
 }
 
 /// Lines along which shared volume is measured are this far apart \[m\].

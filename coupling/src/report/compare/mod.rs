@@ -188,7 +188,7 @@ impl CompareReport<'_> {
     /// How closely the forces balance in each configuration that has solved frames.
     pub fn settled(&self) -> Vec<Settled> {
         let of = |(c, computed): (usize, &Option<Computed>)| {
-            Settled::new(CONFIGURATIONS[c], &computed.as_ref()?.result.run)
+            Settled::new(CONFIGURATIONS[c], computed.as_ref()?.result)
         };
         self.configurations.iter().enumerate().filter_map(of).collect()
     }
