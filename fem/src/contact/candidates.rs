@@ -107,7 +107,7 @@ impl Candidates {
             let query = boxes[p as usize].grown(reach);
             for &other in &partners.of[all.surface(p)] {
                 let s = &all.list[other];
-                s.triangle_tree.overlapping(&fitted[other].0, &query, |t| {
+                fitted[other].0.overlapping(&query, |t| {
                     let t = (s.triangles.start + t as usize) as u32;
                     let corners = &all.triangles[t as usize];
                     if of(corners).overlaps(&query) && partners.counts(all, &[p], corners) {
@@ -123,7 +123,7 @@ impl Candidates {
             let mine = all.surface(ends[0]);
             for &other in partners.of[mine].iter().filter(|&&other| other >= mine) {
                 let s = &all.list[other];
-                s.edge_tree.overlapping(&fitted[other].1, &query, |f| {
+                fitted[other].1.overlapping(&query, |f| {
                     let f = (s.edges.start + f as usize) as u32;
                     let others = &all.edges[f as usize].points;
                     if f > e && of(others).overlaps(&query) && partners.counts(all, ends, others) {

@@ -241,7 +241,7 @@ impl Search<'_> {
         };
         let search = |within: f64| {
             let nearest =
-                s.triangle_tree.nearest(&self.fitted[other], &p[point], within, seen.nearest, squared);
+                self.fitted[other].nearest(&p[point], within, seen.nearest, squared);
             nearest.map(|n| n.0)
         };
         let see = |t: u32| contact.seen_from(point as u32, s, t, normals, p);
@@ -277,7 +277,7 @@ impl Search<'_> {
             let within = all.sample_depths[point].min(view);
             if is_far(nearest)
                 && let Some((front, _)) =
-                    s.triangle_tree.nearest(&self.fitted[other], &p[point], within, None, squared)
+                    self.fitted[other].nearest(&p[point], within, None, squared)
             {
                 near = contact.seen_from(point as u32, s, front, normals, p);
                 near.gap = -near.gap.abs();

@@ -144,7 +144,7 @@ impl Look<'_> {
     /// The triangle of a surface nearest to `place`, before or now.
     fn nearest(&self, s: &Surface, when: usize, other: usize, place: &Vector3<f64>, guess: Option<u32>) -> u32 {
         let squared = |t: u32| point_triangle(&self.with_place(s, t, place, when)).squared();
-        let found = s.triangle_tree.nearest(&self.fitted[when][other], place, f64::MAX.sqrt(), guess, squared);
+        let found = self.fitted[when][other].nearest(place, f64::MAX.sqrt(), guess, squared);
         found.expect("a closed surface has triangles").0
     }
 

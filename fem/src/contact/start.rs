@@ -93,7 +93,7 @@ impl Contact {
             let (query, mut found) = (Aabb::of(ends, p), Vec::new());
             for &other in &self.partners.of[all.surface(ends[0])] {
                 let s = &all.list[other];
-                s.triangle_tree.overlapping(&fitted[other], &query, |t| {
+                fitted[other].overlapping(&query, |t| {
                     let t = s.triangles.start + t as usize;
                     let corners = &all.triangles[t];
                     if crosses(&a, &b, &corners.map(|c| p[c as usize]))

@@ -205,7 +205,7 @@ impl Surfaces {
         let (triangle_tree, edge_tree) = (Tree::new(&triangles), Tree::new(&edges));
         let corners: Vec<_> = self.triangles[first_triangle..].iter().map(|t| t.map(at)).collect();
         let fitted = triangle_tree.fit(|t| triangles[t as usize]);
-        let ways = depths(&corners, &triangle_tree, &fitted);
+        let ways = depths(&corners, &fitted);
         self.depths.extend(ways.iter().map(|way| way.as_ref().map_or(f64::INFINITY, |way| way.length)));
         for (t, way) in (first_triangle..).zip(&ways) {
             // Of the four triangles of a quadrilateral every other one: they overlap in the middle of the body.
@@ -381,7 +381,7 @@ struct WayThrough {
 }
 
 /// Ways from the middle of each triangle into the body until they come out of it; `None` where they never do.
-fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<Option<WayThrough>> {
+fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<Option<WayThrough>> {
     let whole = fitted.whole();
     let diagonal = (whole.hi - whole.lo).norm();
     let through = |[a, b, c]: &[Vector3<f64>; 3]| {
@@ -393,7 +393,7 @@ fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree, fitted: &Fitted) -> Vec<
         while is_nearer(length, &nearest) && length < 2.0 * diagonal {
             length *= 2.0;
             let way = Aabb::of_way(&from, &(from + inwards * length), 0.0);
-            tree.overlapping(fitted, &way, |t| {
+            fitted.overlapping(&way, |t| {
                 if let Some((length, at)) = way_out(&from, &inwards, &triangles[t as usize])
                     && is_nearer(length, &nearest)
                 {

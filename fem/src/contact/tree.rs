@@ -1,9 +1,13 @@
-//! A tree of axis-aligned boxes over the primitives of one surface: built once, refitted as the surface moves.
+//! A tree of axis-aligned boxes over the primitives of one surface, parry's: built once, refitted as the surface moves.
 //!
-//! Every node halves its primitives at the median of their centres along the longest side. The same input gives the same
-//! tree, and queries report in the order of the tree, on any number of threads.
+//! The same input gives the same tree, and queries report in the order of the tree, on any number of threads. Here are the
+//! conversions from nalgebra to parry, and what parry leaves open: of primitives that are equally near the lesser is nearest.
 
 use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb as ParryAabb;
+use parry3d_f64::math::Vector as ParryVector;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use std::cell::Cell;
 
 /// An axis-aligned box \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,142 +72,90 @@ impl Aabb {
     }
 }
 
-/// Primitives in a leaf at most.
-const LEAF: usize = 4;
+fn of_parry(v: ParryVector) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
 
-/// The tree without its boxes.
+impl From<&Aabb> for ParryAabb {
+    fn from(b: &Aabb) -> ParryAabb {
+        let to = |v: &Vector3<f64>| ParryVector::new(v.x, v.y, v.z);
+        ParryAabb { mins: to(&b.lo), maxs: to(&b.hi) }
+    }
+}
+
+impl From<&BvhNode> for Aabb {
+    fn from(node: &BvhNode) -> Aabb {
+        Aabb { lo: of_parry(node.mins()), hi: of_parry(node.maxs()) }
+    }
+}
+
+/// The tree with the boxes of the mesh as read.
 #[derive(Clone, Debug, Default)]
 pub struct Tree {
-    /// Primitives, those of a node side by side.
-    order: Vec<u32>,
-    /// (first, end) in `order` and the index of the second child (the first follows its parent), 0 for a leaf.
-    nodes: Vec<(u32, u32, u32)>,
+    bvh: Bvh,
 }
 
 /// A tree with its boxes at one time.
 #[derive(Clone, Debug, Default)]
 pub struct Fitted {
-    boxes: Vec<Aabb>,
+    bvh: Bvh,
 }
 
 impl Fitted {
     /// The box of all primitives.
     pub fn whole(&self) -> Aabb {
-        self.boxes.first().copied().unwrap_or(Aabb::empty())
-    }
-}
-
-impl Tree {
-    /// Tree over primitives with these boxes.
-    pub fn new(boxes: &[Aabb]) -> Tree {
-        let mut tree = Tree { order: (0..boxes.len() as u32).collect(), nodes: Vec::new() };
-        if !boxes.is_empty() {
-            let centres: Vec<Vector3<f64>> = boxes.iter().map(|b| (b.lo + b.hi) / 2.0).collect();
-            tree.divide(0, boxes.len(), &centres);
+        let whole = self.bvh.root_aabb();
+        match self.bvh.is_empty() {
+            true => Aabb::empty(),
+            false => Aabb { lo: of_parry(whole.mins), hi: of_parry(whole.maxs) },
         }
-        tree
     }
 
-    fn divide(&mut self, first: usize, end: usize, centres: &[Vector3<f64>]) {
-        let at = self.nodes.len();
-        self.nodes.push((first as u32, end as u32, 0));
-        if end - first <= LEAF {
-            return;
-        }
-        let mine = &mut self.order[first..end];
-        let (mut lo, mut hi) = (centres[mine[0] as usize], centres[mine[0] as usize]);
-        for &p in mine.iter() {
-            lo = lo.inf(&centres[p as usize]);
-            hi = hi.sup(&centres[p as usize]);
-        }
-        let axis = (hi - lo).imax();
-        let middle = (end - first) / 2;
-        mine.select_nth_unstable_by(middle, |&a, &b| {
-            centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b))
-        });
-        mine[..middle].sort_unstable();
-        mine[middle..].sort_unstable();
-        self.divide(first, first + middle, centres);
-        self.nodes[at].2 = self.nodes.len() as u32;
-        self.divide(first + middle, end, centres);
-    }
-
-    /// Boxes of all nodes from those of the primitives.
-    pub fn fit(&self, boxes: impl Fn(u32) -> Aabb) -> Fitted {
-        let mut all = vec![Aabb::empty(); self.nodes.len()];
-        for (at, &(first, end, second)) in self.nodes.iter().enumerate().rev() {
-            all[at] = match second {
-                0 => self.order[first as usize..end as usize]
-                    .iter()
-                    .fold(Aabb::empty(), |sum, &p| sum.join(&boxes(p))),
-                second => all[at + 1].join(&all[second as usize]),
-            };
-        }
-        Fitted { boxes: all }
-    }
-
-    /// Calls `found` with every primitive of a leaf that `query` overlaps.
-    pub fn overlapping(&self, fitted: &Fitted, query: &Aabb, mut found: impl FnMut(u32)) {
-        let mut stack = [0_u32; 64];
-        let mut n = usize::from(!self.nodes.is_empty());
-        while n > 0 {
-            n -= 1;
-            let at = stack[n];
-            if !fitted.boxes[at as usize].overlaps(query) {
-                continue;
-            }
-            match self.nodes[at as usize] {
-                (first, end, 0) => {
-                    self.order[first as usize..end as usize].iter().for_each(|&p| found(p));
-                }
-                (_, _, second) => {
-                    (stack[n], stack[n + 1]) = (second, at + 1);
-                    n += 2;
-                }
-            }
-        }
+    /// Calls `found` with every primitive whose box `query` overlaps.
+    pub fn overlapping(&self, query: &Aabb, mut found: impl FnMut(u32)) {
+        let query = ParryAabb::from(query);
+        self.bvh.intersect_aabb(&query).for_each(&mut found);
     }
 
     /// The primitive nearest to `p` by `squared_distance`, closer than `within`; ties go to the lesser primitive. The answer does not
     /// hang on `guess`, a primitive that is likely to be near.
     pub fn nearest(
         &self,
-        fitted: &Fitted,
         p: &Vector3<f64>,
         within: f64,
         guess: Option<u32>,
-        mut squared_distance: impl FnMut(u32) -> f64,
+        squared_distance: impl Fn(u32) -> f64,
     ) -> Option<(u32, f64)> {
-        let mut best = (u32::MAX, within * within);
-        let mut try_one = |q: u32, best: &mut (u32, f64)| {
-            let d = squared_distance(q);
-            if d < best.1 || (d == best.1 && q < best.0) {
-                *best = (q, d);
+        let best = Cell::new((u32::MAX, within * within));
+        let try_one = |q: u32| {
+            let (d, (known, least)) = (squared_distance(q), best.get());
+            if d < least || (d == least && q < known) {
+                best.set((q, d));
             }
+            d
         };
-        if let Some(guess) = guess {
-            try_one(guess, &mut best);
+        guess.map(try_one);
+        // A little less than the distance, so that boxes as far away as the best so far are looked into.
+        let to_box = |node: &BvhNode, _| Aabb::from(node).squared_distance(p) * (1.0 - 4.0 * f64::EPSILON);
+        self.bvh.find_best(best.get().1, to_box, |q, _| Some(try_one(q)));
+        Some(best.get()).filter(|(q, _)| *q != u32::MAX)
+    }
+}
+
+impl Tree {
+    /// Tree over primitives with these boxes.
+    pub fn new(boxes: &[Aabb]) -> Tree {
+        let boxes: Vec<ParryAabb> = boxes.iter().map(ParryAabb::from).collect();
+        Tree { bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes) }
+    }
+
+    /// The tree with other boxes of its primitives.
+    pub fn fit(&self, boxes: impl Fn(u32) -> Aabb) -> Fitted {
+        let mut bvh = self.bvh.clone();
+        for primitive in 0..bvh.leaf_count() {
+            bvh.update_partially_if_present(ParryAabb::from(&boxes(primitive)), primitive, 0.0);
         }
-        let mut stack = [0_u32; 64];
-        let mut n = usize::from(!self.nodes.is_empty());
-        while n > 0 {
-            n -= 1;
-            let at = stack[n];
-            if fitted.boxes[at as usize].squared_distance(p) > best.1 {
-                continue;
-            }
-            match self.nodes[at as usize] {
-                (first, end, 0) => {
-                    self.order[first as usize..end as usize].iter().for_each(|&q| try_one(q, &mut best));
-                }
-                (_, _, second) => {
-                    let (a, b) = (at + 1, second);
-                    let [da, db] = [a, b].map(|i| fitted.boxes[i as usize].squared_distance(p));
-                    (stack[n], stack[n + 1]) = if da <= db { (b, a) } else { (a, b) };
-                    n += 2;
-                }
-            }
-        }
-        (best.0 != u32::MAX).then_some(best)
+        bvh.refit_without_opt();
+        Fitted { bvh }
     }
 }

@@ -74,18 +74,16 @@ impl Flow {
             .map(|points| {
                 let point = |i: u32| Aabb::of_way(&points[i as usize], &points[i as usize], 0.0);
                 let boxes: Vec<Aabb> = (0..points.len() as u32).map(point).collect();
-                let tree = Tree::new(&boxes);
-                let fitted = tree.fit(point);
-                (points, tree, fitted)
+                (points, Tree::new(&boxes).fit(point))
             })
             .collect();
         let of_node = |&n: &u32| -> (Vec<f64>, u32) {
             let p = place(n as usize);
             let nearest: Vec<(u32, f64)> = searches
                 .iter()
-                .map(|(points, tree, fitted)| {
+                .map(|(points, fitted)| {
                     let squared = |i: u32| (points[i as usize] - p).norm_squared();
-                    tree.nearest(fitted, &p, f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
+                    fitted.nearest(&p, f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
                 })
                 .collect();
             let least = nearest.iter().fold(f64::MAX, |m, n| m.min(n.1));

@@ -102,7 +102,9 @@ impl Plan {
             islands(&mesh, &terms, (&motion, &slides), &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let mut idle: std::collections::BTreeSet<u32> = (0..mesh.points.len() as u32).collect();
-        islands.iter().flat_map(|i| &i.nodes).for_each(|n| drop(idle.remove(n)));
+        islands.iter().flat_map(|i| &i.nodes).for_each(|n| {
+            idle.remove(n);
+        });
         idle.retain(|n| !motion[*n as usize].iter().all(Motion::is_unknown));
         let idle = idle.into_iter().collect();
         let Names { controls, bodies } = names;
