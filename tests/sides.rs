@@ -21,7 +21,8 @@ fn thigh(muscles: &[&str]) -> Plan {
 /// The state in which the inside of a muscle is `by` \[m\] before (x) where it is in the mesh, its ends where they are.
 fn bulged(plan: &Plan, muscle: &str, by: f64) -> Vec<f64> {
     let mut x = plan.reference();
-    let block = plan.mesh.blocks.iter().find(|b| b.name.starts_with(muscle) && b.kind.is_solid()).expect("its block");
+    let block =
+        plan.mesh.blocks.iter().find(|b| b.name.starts_with(muscle) && b.kind.is_solid()).expect("its block");
     let y = |n: &u32| plan.mesh.points[*n as usize][1];
     let (lo, hi) = block.nodes.iter().map(y).fold((f64::MAX, f64::MIN), |(lo, hi), y| (lo.min(y), hi.max(y)));
     let mut nodes = block.nodes.clone();
@@ -44,7 +45,8 @@ fn sartorius_behind_rectus_femoris_is_told() {
     assert!(sides.changed(&rest, &bulged(&plan, "sartorius", 0.03)).is_empty());
     let told = sides.changed(&rest, &bulged(&plan, "sartorius", -0.08));
     let pair = |[a, b]: &[String; 2]| {
-        (a.starts_with("sartorius") && b.starts_with("rectus")) || (a.starts_with("rectus") && b.starts_with("sartorius"))
+        (a.starts_with("sartorius") && b.starts_with("rectus"))
+            || (a.starts_with("rectus") && b.starts_with("sartorius"))
     };
     assert!(told.iter().any(pair), "{told:?}");
 }
@@ -78,7 +80,9 @@ fn what_goes_through_in_the_cheap_mode_leaves_the_last_good_state() {
     assert!(first.errors.is_empty());
     let DriveFrame { time, load } = &drive.frames[1];
     let second = session.advance(&DriveFrame { time: *time, load: load.clone() });
-    let [SolveError::WentThrough { step: 1, pairs }] = &second.errors[..] else { panic!("{:?}", second.errors) };
+    let [SolveError::WentThrough { step: 1, pairs }] = &second.errors[..] else {
+        panic!("{:?}", second.errors)
+    };
     assert_eq!(pairs[0], ["strap_block", "cylinder_block"]);
     assert_eq!(second.frame.x, first.frame.x);
 }

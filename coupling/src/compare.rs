@@ -77,7 +77,8 @@ impl KeptSides {
         let contact = plan.contact()?;
         let pressed = run.last().map_or(Vec::new(), |f| pair_forces(plan, f.snapshot(), [0.0; 3]));
         let force = |p: &PairForce| nalgebra::Vector3::from(p.wrench.force).norm();
-        let (sum, all) = pressed.iter().fold((0.0, 0.0), |(sum, all), p| (sum + force(p) * p.standoff, all + force(p)));
+        let (sum, all) =
+            pressed.iter().fold((0.0, 0.0), |(sum, all), p| (sum + force(p) * p.standoff, all + force(p)));
         let went_again = |f: &&Frame| f.islands.iter().any(|i| i.gone_again);
         Some(KeptSides {
             pairs: contact.pairs.iter().filter(|[a, b]| a != b).count(),

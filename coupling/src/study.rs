@@ -303,7 +303,9 @@ impl Prepared {
             let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
             let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
             let settings = match self.scene.strict_parts {
-                Some(parts) => Settings { tolerance, way: Way::Strict, first_step: 1.0 / parts as f64, ..SETTINGS },
+                Some(parts) => {
+                    Settings { tolerance, way: Way::Strict, first_step: 1.0 / parts as f64, ..SETTINGS }
+                }
                 None => Settings { tolerance, ..SETTINGS },
             };
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);

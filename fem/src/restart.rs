@@ -122,7 +122,8 @@ fn pack_advance(a: &Advance) -> ([u64; 21], Vec<u64>, Vec<u64>) {
 }
 
 fn unpack_advance(packed: &([u64; 21], Vec<u64>, Vec<u64>)) -> Advance {
-    let ([c0, c1, c2, c3, c4, c5, c6, stable, soft_ways, again, crossed, values @ ..], indefinite, unstable) = packed;
+    let ([c0, c1, c2, c3, c4, c5, c6, stable, soft_ways, again, crossed, values @ ..], indefinite, unstable) =
+        packed;
     let values = values.map(f64::from_bits);
     let [residual, wanted, force_scale, energy, least_det_f, times @ ..] = values;
     let [assembly_s, factorization_s, linear_s, contact_s, total_s] = times;

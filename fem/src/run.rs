@@ -294,7 +294,11 @@ impl<'a> Session<'a> {
         let was_led = |s: &Solved| s.result.as_ref().is_ok_and(|advance| advance.soft_ways > 0);
         let mut crossed = sides.changed(&self.x, &self.places(to, solved));
         if !crossed.is_empty() && solved.iter().any(was_led) {
-            tracing::info!(step = self.step, ?crossed, "softened contact leads through; gone again without it");
+            tracing::info!(
+                step = self.step,
+                ?crossed,
+                "softened contact leads through; gone again without it"
+            );
             let strict = Settings { way: Way::Strict, ..self.settings };
             let mut solvers: Vec<Solver> =
                 self.plan.islands.iter().map(|i| Solver::new(&i.name, strict)).collect();

@@ -132,7 +132,8 @@ pub enum Variant {
 /// A strap of 40 x 8 x 2 mm whose ends go down by `depth` - 0.4 mm, to a rigid cylinder of radius 3 mm across below it, and on by
 /// `step` times its thickness.
 pub fn strap_over_cylinder(depth: f64, step: f64, variant: Variant) -> SideScene {
-    let name = format!("strap over cylinder, {} mm above it, step of {step} thicknesses, {variant:?}", depth * 1e3);
+    let name =
+        format!("strap over cylinder, {} mm above it, step of {step} thicknesses, {variant:?}", depth * 1e3);
     let mut s = SideScene::empty(name, 0.3e-3);
     s.soft("strap", brick([16, 2, 2], [-0.02, -0.004, 0.0], [0.02, 0.004, 2e-3]));
     let cylinder = rod(3e-3, 0.03, [0.0, 0.0, -depth - 3e-3], Vector3::y(), 10);
@@ -173,13 +174,8 @@ pub const DEPTHS: [f64; 5] = [2e-3, 5e-3, 10e-3, 20e-3, 40e-3];
 /// See [`DEPTHS`].
 pub const STEPS: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5, 10.0, 12.5, 15.0];
 /// See [`DEPTHS`].
-pub const VARIANTS: [Variant; 5] = [
-    Variant::Plain,
-    Variant::CylinderMoves,
-    Variant::CylinderSoft,
-    Variant::OneBody,
-    Variant::OneFrame,
-];
+pub const VARIANTS: [Variant; 5] =
+    [Variant::Plain, Variant::CylinderMoves, Variant::CylinderSoft, Variant::OneBody, Variant::OneFrame];
 
 /// A soft block of 20 mm, 10 mm high, between two plates; each comes nearer by half of `by` \[m\], and they are 11 mm apart.
 pub fn pressed_block(by: f64) -> SideScene {
@@ -194,8 +190,14 @@ pub fn pressed_block(by: f64) -> SideScene {
 }
 
 /// The names of the families of [`random_side_scene`].
-pub const FAMILIES: [&str; 6] =
-    ["strap over rods", "straps across", "straps round an axis", "strap between", "sheets and stacks", "blobs and pegs"];
+pub const FAMILIES: [&str; 6] = [
+    "strap over rods",
+    "straps across",
+    "straps round an axis",
+    "strap between",
+    "sheets and stacks",
+    "blobs and pegs",
+];
 
 /// A scene of a family with shapes, gaps and ways at random.
 pub fn random_side_scene(family: usize, seed: u64) -> SideScene {
@@ -274,7 +276,8 @@ fn round(name: String, random: &mut Random) -> SideScene {
     s.tie("strap_x_min", "hub");
     s.tie("strap_x_max", "tip");
     let turn = random.between(0.2, 1.2);
-    let turned = Pose::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turn));
+    let turned =
+        Pose::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turn));
     s.frame(&[("tip", turned)]);
     s
 }

@@ -1,8 +1,9 @@
 //! Frictionless contact between surfaces.
 //!
 //! **Guarded**: a barrier on the distance, integrated over both surfaces of a pair, and continuous collision detection in
-//! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020), so nothing ever passes through. One way around is
-//! [`soft`]: it finds a guess at which nothing overlaps, from which the guarded mode goes on.
+//! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020), so nothing passes through. One way around is
+//! [`soft`]: it finds a guess at which nothing overlaps, from which the guarded mode goes on, and [`passage`] watches that nobody gets
+//! through anybody on the way to it. docs/theory.md has it all on one page.
 //!
 //! Π = ½ Σ over samples of A (area) b(distance to B) + the same from B to A + Σ over pairs of edges (area) b(distance).
 //! The distance of a sample to a surface is made smooth at edges and corners by counting the triangles within reach, less the

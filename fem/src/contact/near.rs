@@ -240,8 +240,7 @@ impl Search<'_> {
             point_triangle(&contact.triangle_points(point as u32, t, p)).squared()
         };
         let search = |within: f64| {
-            let nearest =
-                self.fitted[other].nearest(&p[point], within, seen.nearest, squared);
+            let nearest = self.fitted[other].nearest(&p[point], within, seen.nearest, squared);
             nearest.map(|n| n.0)
         };
         let see = |t: u32| contact.seen_from(point as u32, s, t, normals, p);
@@ -276,8 +275,7 @@ impl Search<'_> {
             let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
             let within = all.sample_depths[point].min(view);
             if is_far(nearest)
-                && let Some((front, _)) =
-                    self.fitted[other].nearest(&p[point], within, None, squared)
+                && let Some((front, _)) = self.fitted[other].nearest(&p[point], within, None, squared)
             {
                 near = contact.seen_from(point as u32, s, front, normals, p);
                 near.gap = -near.gap.abs();

@@ -6,13 +6,14 @@
 //!
 //! No step closes a pair by more than half the depth of the body that is entered, so nothing passes between two looks.
 
+use super::Contact;
 use super::closest::{feature, point_triangle};
 use super::normals::Normals;
 use super::surface::{Core, Surface};
 use super::tree::Fitted;
-use super::Contact;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
 
 /// Cosine between the normals of the triangles by which a place comes into a body and out of it: 120 degrees, between the 90 of a face
 /// beside it, round whose edge it may go, and the 180 of the far one.
@@ -21,8 +22,9 @@ const FACING: f64 = -0.5;
 /// What was seen at the last look.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
-    /// Positions of the collision points \[m\].
+    /// Positions of the collision points \[m\], and the boxes of the trees.
     p: Vec<Vector3<f64>>,
+    fitted: Arc<Vec<Fitted>>,
     /// What each core has seen of other surfaces.
     seen: Vec<Vec<Seen>>,
 }
@@ -50,7 +52,9 @@ impl Contact {
     /// Begins to watch at positions `x` \[m\] of the local nodes where nothing overlaps.
     pub fn begin_watch(&self, x: &[f64]) {
         let mut watch = self.watch.lock().expect("no thread panics while it watches");
-        *watch = Watch { p: self.surfaces.positions(x), seen: vec![Vec::new(); self.surfaces.cores.len()] };
+        let p = self.surfaces.positions(x);
+        let fitted = Arc::new(self.fitted(&p));
+        *watch = Watch { p, fitted, seen: vec![Vec::new(); self.surfaces.cores.len()] };
     }
 
     /// Looks where a step leads: the names of a body that passes through another, and of that, where there are such; the step counts as
@@ -67,7 +71,9 @@ impl Contact {
         let moved = |i: usize| (p[i] - before[i]).norm();
         let ways: Vec<f64> =
             all.list.par_iter().map(|s| s.samples.clone().map(moved).fold(0.0, f64::max)).collect();
-        let look = Look { contact: self, fitted: [self.fitted(&before), self.fitted(&p)], normals: self.normals(&p), p: [&before, &p], ways };
+        let fitted = [watch.fitted.clone(), Arc::new(self.fitted(&p))];
+        let normals = all.list.iter().map(|_| OnceLock::new()).collect();
+        let look = Look { contact: self, fitted, normals, p: [&before, &p], ways };
         let passed: Vec<Option<(usize, usize)>> = seen
             .par_iter_mut()
             .zip(&all.cores)
@@ -77,7 +83,8 @@ impl Contact {
         match passed.into_iter().flatten().next() {
             Some((a, b)) => Some([a, b].map(|s| all.list[s].name.clone())),
             None => {
-                *watch = Watch { p, seen };
+                let [_, fitted] = look.fitted;
+                *watch = Watch { p, fitted, seen };
                 None
             }
         }
@@ -88,8 +95,9 @@ struct Look<'a> {
     contact: &'a Contact,
     /// Before and now.
     p: [&'a [Vector3<f64>]; 2],
-    fitted: [Vec<Fitted>; 2],
-    normals: Vec<Normals>,
+    fitted: [Arc<Vec<Fitted>>; 2],
+    /// By surface, now; where they are asked for.
+    normals: Vec<OnceLock<Normals>>,
     /// How far the farthest point of each surface has moved \[m\].
     ways: Vec<f64>,
 }
@@ -123,10 +131,14 @@ impl Look<'_> {
             let nearest = self.nearest(s, 1, other, &now, seen.nearest);
             let gap = self.signed_distance(s, other, nearest, &now);
             (seen.nearest, seen.at_least) = (Some(nearest), gap);
-            if !self.contact.partners.counts(all, corners, &all.triangles[s.triangles.start + nearest as usize]) {
+            if !self.contact.partners.counts(
+                all,
+                corners,
+                &all.triangles[s.triangles.start + nearest as usize],
+            ) {
                 continue;
             }
-            let normal = |t: u32| self.normals[other].triangle((s.triangles.start + t as usize) as u32);
+            let normal = |t: u32| self.normals(other).triangle((s.triangles.start + t as usize) as u32);
             match seen.front {
                 None if gap < 0.0 => seen.front = Some(self.nearest(s, 0, other, &before, Some(nearest))),
                 Some(front) if gap >= 0.0 => {
@@ -141,8 +153,20 @@ impl Look<'_> {
         passed
     }
 
+    fn normals(&self, surface: usize) -> &Normals {
+        let all = &self.contact.surfaces;
+        self.normals[surface].get_or_init(|| Normals::new(all, &all.list[surface], self.p[1]))
+    }
+
     /// The triangle of a surface nearest to `place`, before or now.
-    fn nearest(&self, s: &Surface, when: usize, other: usize, place: &Vector3<f64>, guess: Option<u32>) -> u32 {
+    fn nearest(
+        &self,
+        s: &Surface,
+        when: usize,
+        other: usize,
+        place: &Vector3<f64>,
+        guess: Option<u32>,
+    ) -> u32 {
         let squared = |t: u32| point_triangle(&self.with_place(s, t, place, when)).squared();
         let found = self.fitted[when][other].nearest(place, f64::MAX.sqrt(), guess, squared);
         found.expect("a closed surface has triangles").0
@@ -157,7 +181,7 @@ impl Look<'_> {
         let x = self.with_place(s, t, place, 1);
         let (which, _) = feature(&x);
         let triangle = (s.triangles.start + t as usize) as u32;
-        let (out, _) = self.normals[other].of(&self.contact.surfaces, triangle, which);
+        let (out, _) = self.normals(other).of(&self.contact.surfaces, triangle, which);
         let closest = point_triangle(&x);
         closest.squared().sqrt().copysign(closest.w.dot(&out))
     }

@@ -9,12 +9,14 @@
 //! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.
 //!
 //! All surfaces must be closed. A point leaves a body by the side that is nearest, or by the one that its own body sticks out of where
-//! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
+//! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters, and whether
+//! a body gets through another is watched, see [`passage`](super::passage).
 
 use super::candidates::Primitives;
 use super::closest::point_triangle;
 use super::near::Near;
 use super::stencil::{Law, Stencil};
+use super::surface::Surface;
 use super::tree::Aabb;
 use super::{Contact, Mode};
 use nalgebra::Vector3;
@@ -31,9 +33,11 @@ fn sampled(floor: f64) -> Primitives {
 }
 
 impl Contact {
-    /// Whether there is a soft way: inside and outside are known everywhere.
+    /// Whether there is a soft way: inside and outside are known everywhere, which they are not of a surface that meets itself.
     pub fn can_soften(&self) -> bool {
-        self.mode == Mode::Guarded && self.surfaces.list.iter().all(|s| s.thickness > 0.0)
+        let is_known =
+            |(s, surface): (usize, &Surface)| surface.thickness > 0.0 && !self.partners.of[s].contains(&s);
+        self.mode == Mode::Guarded && self.surfaces.list.iter().enumerate().all(is_known)
     }
 
     /// How far a node may move in one step where barriers are softened, an edge at least \[m\].
@@ -92,13 +96,14 @@ impl Contact {
             all.positions(to).par_iter().zip(&start).map(|(to, from)| to - from).collect();
         let longest = self.longest_soft_step();
         // What points and surfaces do together brings none into another.
-        let spans: Vec<Aabb> = all.list.par_iter().map(|s| Aabb::around(u[s.samples.clone()].iter())).collect();
+        let spans: Vec<Aabb> =
+            all.list.par_iter().map(|s| Aabb::around(u[s.samples.clone()].iter())).collect();
         let against = |point: usize, other: usize| spans[other].farthest(&u[point]);
         let of_point = |point: usize| {
             let others = &self.partners.of[all.surface(point as u32)];
             others.iter().map(|&other| against(point, other)).fold(0.0, f64::max)
         };
-        let farthest = (0..u.len()).into_par_iter().map(of_point).reduce(|| 0.0, f64::max);
+        let farthest = (0..u.len()).into_par_iter().with_min_len(4096).map(of_point).reduce(|| 0.0, f64::max);
         let mut share = (longest / farthest).min(1.0);
         let least = |point: usize, other: usize| share * against(point, other);
         let ahead = self.near_within(&start, sampled(floor), &least, longest, 0.0);

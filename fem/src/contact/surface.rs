@@ -388,7 +388,8 @@ fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<Option<WayThr
         let (from, inwards) = ((a + b + c) / 3.0, (c - a).cross(&(b - a)).normalize());
         let mut nearest: Option<WayThrough> = None;
         let mut length = (b - a).norm();
-        let is_nearer = |way: f64, nearest: &Option<WayThrough>| nearest.as_ref().is_none_or(|n| way < n.length);
+        let is_nearer =
+            |way: f64, nearest: &Option<WayThrough>| nearest.as_ref().is_none_or(|n| way < n.length);
         // Short ways first: their boxes meet little.
         while is_nearer(length, &nearest) && length < 2.0 * diagonal {
             length *= 2.0;

@@ -75,7 +75,10 @@ mod tests {
         let up = |z: f64| line(10, move |s| [s, 0.05, z + 0.1 * s]);
         // Through it, back, and to where it was.
         assert_eq!(crossings([&up(1.0), &up(-1.0)], [&below, &below]).abs(), 1);
-        let (there, back) = (crossings([&up(1.0), &up(-1.0)], [&below, &below]), crossings([&up(-1.0), &up(1.0)], [&below, &below]));
+        let (there, back) = (
+            crossings([&up(1.0), &up(-1.0)], [&below, &below]),
+            crossings([&up(-1.0), &up(1.0)], [&below, &below]),
+        );
         assert_eq!(there + back, 0);
         // Both move: what counts is how they move against each other.
         let carried: Vec<_> = below.iter().map(|p| p + Vector3::new(0.0, 0.0, -2.0)).collect();
@@ -91,8 +94,9 @@ mod tests {
     #[test]
     fn points_pass_through_sheets() {
         // Two triangles of a square of side 2 in the plane z = 0.
-        let corners: Vec<Vector3<f64>> =
-            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
+        let corners: Vec<Vector3<f64>> = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| Vector3::new(x, y, 0.0))
+            .to_vec();
         let (sheet, rim) = ([[0, 1, 2], [0, 2, 3]], [[0, 1], [1, 2], [2, 3], [3, 0]]);
         let goes = |from: [f64; 3], to: [f64; 3], carried: f64| {
             let moved: Vec<_> = corners.iter().map(|c| c + Vector3::new(0.0, 0.0, carried)).collect();

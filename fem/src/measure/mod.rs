@@ -51,9 +51,8 @@ fn prescribed_intersections(plan: &Plan, load: &Load) -> Vec<([String; 2], usize
     for (n, place) in places.iter_mut().enumerate() {
         load.prescribe(&plan.motion[n], &plan.mesh.points[n], place);
     }
-    let is_prescribed = |face: &&[u32; 4]| {
-        face.iter().all(|&n| !plan.motion[n as usize].iter().any(Motion::is_unknown))
-    };
+    let is_prescribed =
+        |face: &&[u32; 4]| face.iter().all(|&n| !plan.motion[n as usize].iter().any(Motion::is_unknown));
     let surface = |s: &crate::plan::ContactSurface| {
         let faces: Vec<[u32; 4]> = s.faces.iter().filter(is_prescribed).copied().collect();
         let (surface, _) = crate::geometry::Surface::from_faces(&places, &faces);

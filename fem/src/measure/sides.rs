@@ -100,7 +100,9 @@ type Graph = BTreeMap<u32, Vec<(u32, f64)>>;
 fn lines(plan: &Plan, nodes: &[u32], faces: &[[u32; 4]]) -> Vec<Vec<u32>> {
     let mesh = &plan.mesh;
     let mine: BTreeSet<u32> = nodes.iter().copied().collect();
-    let shared = |cells: &[u32]| cells.iter().collect::<BTreeSet<_>>().into_iter().filter(|n| mine.contains(n)).count();
+    let shared = |cells: &[u32]| {
+        cells.iter().collect::<BTreeSet<_>>().into_iter().filter(|n| mine.contains(n)).count()
+    };
     let behind = mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| (shared(&b.nodes), b));
     let behind = behind.max_by_key(|(n, b)| (*n, Reverse(&b.name))).filter(|(n, _)| *n > 0);
     let mut graph = Graph::new();
@@ -117,7 +119,7 @@ fn lines(plan: &Plan, nodes: &[u32], faces: &[[u32; 4]]) -> Vec<Vec<u32>> {
         None => faces.iter().for_each(|f| join(f)),
     }
     graph.values_mut().for_each(|near| {
-        near.sort_by(|a, b| a.0.cmp(&b.0));
+        near.sort_by_key(|n| n.0);
         near.dedup_by_key(|n| n.0);
     });
     let Some(&first) = nodes.first() else { return Vec::new() };
@@ -201,7 +203,8 @@ fn way_back(reached: &BTreeMap<u32, (f64, u32)>, end: u32) -> Vec<u32> {
 fn sheet(mesh: &Mesh, nodes: &[u32], faces: &[[u32; 4]]) -> Option<Sheet> {
     let place = |n: &u32| Vector3::from(mesh.points[*n as usize]);
     let middle = nodes.iter().map(place).sum::<Vector3<f64>>() / nodes.len() as f64;
-    let spread: Matrix3<f64> = nodes.iter().map(|n| (place(n) - middle) * (place(n) - middle).transpose()).sum();
+    let spread: Matrix3<f64> =
+        nodes.iter().map(|n| (place(n) - middle) * (place(n) - middle).transpose()).sum();
     let axes = spread.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| axes.eigenvalues[a].total_cmp(&axes.eigenvalues[b]));

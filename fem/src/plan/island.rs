@@ -486,7 +486,18 @@ impl LoadedIsland {
         island.prescribe(&start, &mut x);
         let (load, in_contact) = (start.clone(), AtomicU64::new(0));
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
-        LoadedIsland { island, load, start, end, x, anchor, floor: 0.0, passed: None, inertia: None, in_contact }
+        LoadedIsland {
+            island,
+            load,
+            start,
+            end,
+            x,
+            anchor,
+            floor: 0.0,
+            passed: None,
+            inertia: None,
+            in_contact,
+        }
     }
 
     /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
@@ -866,6 +877,9 @@ impl Loading for LoadedIsland {
         // With inertia what was passed through on the way would be a tunnel.
         let can = self.inertia.is_none() && self.island.contact.as_ref().is_some_and(Contact::can_soften);
         self.floor = if can { floor } else { 0.0 };
+        if self.floor == 0.0 {
+            self.passed = None;
+        }
         can
     }
 

@@ -138,9 +138,9 @@ impl Run<'_> {
             && (potential.part(x, hardest)
                 // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
                 || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x, hardest));
-        potential.renew(x);
+        let kept = potential.passed().is_none() && potential.passage(x).is_none();
         potential.soften(0.0);
-        parted && potential.passed().is_none() && is_sound(potential, x, 0.0)
+        parted && kept && is_sound(potential, x, 0.0)
     }
 
     /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in
@@ -169,7 +169,7 @@ impl Run<'_> {
         if let Some([a, b]) = potential.passed() {
             tracing::debug!(island = %self.name, step = self.step, load, floor, a, b, "one passes through the other");
         }
-        matches!(outcome, Some(Ok(()))) && potential.passed().is_none()
+        matches!(outcome, Some(Ok(())))
     }
 
     /// Moves the load towards `target` through whatever the free nodes touch, see [`go_softly`](Self::go_softly), and
@@ -194,8 +194,7 @@ impl Run<'_> {
                 break None;
             }
             let outcome = self.go_softly(potential, x, t, until, piece);
-            let passed = potential.passed();
-            tracing::debug!(island = %self.name, step = self.step, from = t, to = until, n, ?outcome, ?passed, "carried along softly");
+            tracing::debug!(island = %self.name, step = self.step, from = t, to = until, n, ?outcome, "carried along softly");
             if let Soft::Apart(reached) = outcome {
                 self.report.soft_ways += 1;
                 break Some(reached);
@@ -254,7 +253,7 @@ impl Run<'_> {
                 x.copy_from_slice(&trial);
                 t = next;
                 length = (2.0 * length).min(piece);
-                meets |= potential.meets(x);
+                meets = meets || potential.meets(x);
             }
             if t == until {
                 if !meets {

@@ -59,7 +59,9 @@ impl fmt::Display for Settled {
             1 => write!(f, " (1 load step on the way to 5 % only)")?,
             n => write!(f, " ({n} load steps on the way to 5 % only)")?,
         }
-        let Some(KeptSides { pairs, crossed_pairs, frames_gone_again, standoff_mm }) = sides else { return Ok(()) };
+        let Some(KeptSides { pairs, crossed_pairs, frames_gone_again, standoff_mm }) = sides else {
+            return Ok(());
+        };
         match crossed_pairs {
             0 => write!(f, "; none of {pairs} pairs has changed sides")?,
             n => write!(f, "; {n} of {pairs} pairs seem to have changed sides")?,
