@@ -152,7 +152,7 @@ pub trait Loading: Potential {
 
     /// Whether anything that is kept apart is close or overlaps at `x`.
     fn meets(&self, _x: &[f64]) -> bool {
-        false
+        true
     }
 
     /// Moves the nodes at `x` apart where surfaces are closer than the share `floor` of the distance at which what keeps them apart begins;
