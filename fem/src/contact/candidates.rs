@@ -110,7 +110,7 @@ impl Candidates {
                 fitted[other].0.overlapping(&query, |t| {
                     let t = (s.triangles.start + t as usize) as u32;
                     let corners = &all.triangles[t as usize];
-                    if of(corners).overlaps(&query) && partners.counts(all, &[p], corners) {
+                    if partners.counts(all, &[p], corners) {
                         found.push([p, t]);
                     }
                 });
@@ -126,7 +126,7 @@ impl Candidates {
                 fitted[other].1.overlapping(&query, |f| {
                     let f = (s.edges.start + f as usize) as u32;
                     let others = &all.edges[f as usize].points;
-                    if f > e && of(others).overlaps(&query) && partners.counts(all, ends, others) {
+                    if f > e && partners.counts(all, ends, others) {
                         found.push([e, f]);
                     }
                 });

@@ -12,11 +12,13 @@
 use super::candidates::Primitives;
 use super::closest::{feature, point_triangle};
 use super::normals::Normals;
-use super::surface::Surface;
+use super::passage::Swallowed;
+use super::surface::{Surface, faces_away};
 use super::tree::{Aabb, Fitted};
 use super::{Contact, Mode};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
@@ -107,8 +109,18 @@ impl Contact {
         memory.p.copy_from_slice(p);
         let fitted = self.fitted(p);
         let boxes = fitted.iter().map(|f| f.whole().grown(view)).collect();
-        let search =
-            Search { contact: self, p, view, aside, moved, ways, normals: self.normals(p), fitted, boxes };
+        let search = Search {
+            contact: self,
+            p,
+            view,
+            aside,
+            moved,
+            ways,
+            normals: self.normals(p),
+            fitted,
+            boxes,
+            swallowed: self.swallowed(),
+        };
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
         let Memory { corners, others, .. } = &mut *memory;
@@ -180,6 +192,7 @@ struct Search<'a> {
     normals: Vec<Normals>,
     fitted: Vec<Fitted>,
     boxes: Vec<Aabb>,
+    swallowed: Arc<Swallowed>,
 }
 
 impl Search<'_> {
@@ -270,10 +283,17 @@ impl Search<'_> {
             near.room = near.gap + HALF * all.depths[near.triangle as usize].min(view);
         } else if contact.mode == Mode::Guarded {
             let mine = self.normals[all.surface(point as u32)].sample(point as u32);
-            let is_far =
-                |t: u32| normals.triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED;
+            let at = self.swallowed.binary_search_by_key(&(point as u32, other), |s| (s.0, s.1));
+            let front = at.ok().map(|at| normals.triangle(self.swallowed[at].2));
+            let is_far = |t: u32| {
+                let normal = normals.triangle((s.triangles.start + t as usize) as u32);
+                match &front {
+                    Some(front) => faces_away(front, &normal),
+                    None => normal.dot(&mine) > ALIGNED,
+                }
+            };
             let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
-            let within = all.sample_depths[point].min(view);
+            let within = if front.is_some() { unlimited } else { all.sample_depths[point].min(view) };
             if is_far(nearest)
                 && let Some((front, _)) = self.fitted[other].nearest(&p[point], within, None, squared)
             {

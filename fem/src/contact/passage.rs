@@ -9,24 +9,42 @@
 use super::Contact;
 use super::closest::{feature, point_triangle};
 use super::normals::Normals;
-use super::surface::{Core, Surface};
+use super::surface::{Core, Surface, faces_away};
 use super::tree::Fitted;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, MutexGuard, OnceLock};
 
-/// Cosine between the normals of the triangles by which a place comes into a body and out of it: 120 degrees, between the 90 of a face
-/// beside it, round whose edge it may go, and the 180 of the far one.
-const FACING: f64 = -0.5;
+/// Halvings of a step that leads through somebody.
+const MOST_HALVES: usize = 5;
 
-/// What was seen at the last look.
+/// Who is in whom at the last state that was accepted, and where the way that was looked at last leads from there.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
+    now: State,
+    ahead: Option<Ahead>,
+}
+
+/// Who is in whom.
+#[derive(Debug, Default)]
+struct State {
     /// Positions of the collision points \[m\], and the boxes of the trees.
     p: Vec<Vector3<f64>>,
-    fitted: Arc<Vec<Fitted>>,
+    fitted: Vec<Fitted>,
     /// What each core has seen of other surfaces.
     seen: Vec<Vec<Seen>>,
+    /// Points of triangles whose core is inside another surface.
+    swallowed: Arc<Swallowed>,
+}
+
+/// Where a way leads.
+#[derive(Debug)]
+struct Ahead {
+    /// Positions of the local nodes \[m\].
+    x: Vec<f64>,
+    state: State,
+    /// The surfaces of one that passes through another.
+    passed: Option<[usize; 2]>,
 }
 
 /// A surface as seen from a core.
@@ -41,6 +59,9 @@ struct Seen {
     front: Option<u32>,
 }
 
+/// (point, other surface, triangle of that by which the middle behind the point has come in), ascending.
+pub(super) type Swallowed = Vec<(u32, usize, u32)>;
+
 impl Contact {
     fn core_place(&self, core: &Core, p: &[Vector3<f64>]) -> Vector3<f64> {
         let corner = |t: u32, c: usize| p[self.surfaces.triangles[t as usize][c] as usize];
@@ -51,43 +72,96 @@ impl Contact {
 
     /// Begins to watch at positions `x` \[m\] of the local nodes where nothing overlaps.
     pub fn begin_watch(&self, x: &[f64]) {
-        let mut watch = self.watch.lock().expect("no thread panics while it watches");
         let p = self.surfaces.positions(x);
-        let fitted = Arc::new(self.fitted(&p));
-        *watch = Watch { p, fitted, seen: vec![Vec::new(); self.surfaces.cores.len()] };
+        let fitted = self.fitted(&p);
+        let seen = vec![Vec::new(); self.surfaces.cores.len()];
+        *self.watch() = Watch { now: State { p, fitted, seen, swallowed: Arc::default() }, ahead: None };
     }
 
-    /// Looks where a step leads: the names of a body that passes through another, and of that, where there are such; the step counts as
-    /// not taken then.
-    pub fn look_for_passage(&self, x: &[f64]) -> Option<[String; 2]> {
-        let all = &self.surfaces;
-        let mut watch = self.watch.lock().expect("no thread panics while it watches");
-        if watch.seen.len() != all.cores.len() {
-            return None; // nobody watches
+    /// Watches no more.
+    pub fn end_watch(&self) {
+        *self.watch() = Watch::default();
+    }
+
+    /// The names of a body that passes through another where the nodes go to `x` \[m\], and of that; `None`: nobody does, or nobody watches.
+    pub fn passage(&self, x: &[f64]) -> Option<[String; 2]> {
+        let mut watch = self.watch();
+        if watch.now.seen.is_empty() {
+            return None;
         }
+        if watch.ahead.as_ref().is_none_or(|ahead| ahead.x != x) {
+            watch.ahead = Some(self.look_ahead(&watch.now, x));
+        }
+        let passed = watch.ahead.as_ref().and_then(|ahead| ahead.passed);
+        passed.map(|pair| pair.map(|s| self.surfaces.list[s].name.clone()))
+    }
+
+    /// The share of the way from `from` to `to` \[m\] on which nobody passes through anybody: `share`, or a half, a quarter... of it. Where
+    /// even the shortest leads through it is the one.
+    pub fn share_before_passage(&self, from: &[f64], to: &[f64], mut share: f64) -> f64 {
+        for _ in 0..MOST_HALVES {
+            let at: Vec<f64> = from.iter().zip(to).map(|(a, b)| a + share * (b - a)).collect();
+            if self.passage(&at).is_none() {
+                break;
+            }
+            share /= 2.0;
+        }
+        share
+    }
+
+    /// The same of nodes that are at `x` now; where somebody passes through somebody they are watched from before.
+    pub fn watch_step(&self, x: &[f64]) -> Option<[String; 2]> {
+        let passed = self.passage(x);
+        let mut watch = self.watch();
+        if passed.is_none()
+            && let Some(ahead) = watch.ahead.take()
+        {
+            if ahead.state.swallowed != watch.now.swallowed {
+                // They are pushed elsewhere now.
+                *self.last.lock().expect("no thread panics while it holds the terms") = Arc::default();
+            }
+            watch.now = ahead.state;
+        }
+        passed
+    }
+
+    pub(super) fn swallowed(&self) -> Arc<Swallowed> {
+        self.watch().now.swallowed.clone()
+    }
+
+    fn watch(&self) -> MutexGuard<'_, Watch> {
+        self.watch.lock().expect("no thread panics while it watches")
+    }
+
+    fn look_ahead(&self, now: &State, x: &[f64]) -> Ahead {
+        let all = &self.surfaces;
         let p = all.positions(x);
-        let before = watch.p.clone();
-        let mut seen = watch.seen.clone();
-        let moved = |i: usize| (p[i] - before[i]).norm();
-        let ways: Vec<f64> =
-            all.list.par_iter().map(|s| s.samples.clone().map(moved).fold(0.0, f64::max)).collect();
-        let fitted = [watch.fitted.clone(), Arc::new(self.fitted(&p))];
+        let mut seen = now.seen.clone();
+        let moved = |i: usize| (p[i] - now.p[i]).norm();
+        let ways = all.list.par_iter().map(|s| s.samples.clone().map(moved).fold(0.0, f64::max)).collect();
+        let fitted = self.fitted(&p);
         let normals = all.list.iter().map(|_| OnceLock::new()).collect();
-        let look = Look { contact: self, fitted, normals, p: [&before, &p], ways };
-        let passed: Vec<Option<(usize, usize)>> = seen
-            .par_iter_mut()
-            .zip(&all.cores)
-            .with_min_len(64)
-            .map(|(seen, core)| look.from(core, seen))
-            .collect();
-        match passed.into_iter().flatten().next() {
-            Some((a, b)) => Some([a, b].map(|s| all.list[s].name.clone())),
-            None => {
-                let [_, fitted] = look.fitted;
-                *watch = Watch { p, fitted, seen };
-                None
+        let look = Look { contact: self, fitted: [&now.fitted, &fitted], normals, p: [&now.p, &p], ways };
+        let cores = seen.par_iter_mut().zip(&all.cores).with_min_len(64);
+        let passed: Vec<Option<[usize; 2]>> = cores.map(|(seen, core)| look.from(core, seen)).collect();
+        let swallowed = Arc::new(self.swallowed_by(&seen));
+        let state = State { p, fitted, seen, swallowed };
+        Ahead { x: x.to_vec(), state, passed: passed.into_iter().flatten().next() }
+    }
+
+    fn swallowed_by(&self, seen: &[Vec<Seen>]) -> Swallowed {
+        let all = &self.surfaces;
+        let mut list = Swallowed::new();
+        for (core, seen) in all.cores.iter().zip(seen) {
+            for (other, front) in seen.iter().filter_map(|s| Some((s.other, s.front?))) {
+                let front = (all.list[other].triangles.start + front as usize) as u32;
+                let points = &all.triangle_samples[core.triangle as usize];
+                list.extend(points.iter().map(|&point| (point, other, front)));
             }
         }
+        list.sort_unstable();
+        list.dedup_by_key(|s| (s.0, s.1));
+        list
     }
 }
 
@@ -95,7 +169,7 @@ struct Look<'a> {
     contact: &'a Contact,
     /// Before and now.
     p: [&'a [Vector3<f64>]; 2],
-    fitted: [Arc<Vec<Fitted>>; 2],
+    fitted: [&'a [Fitted]; 2],
     /// By surface, now; where they are asked for.
     normals: Vec<OnceLock<Normals>>,
     /// How far the farthest point of each surface has moved \[m\].
@@ -104,7 +178,7 @@ struct Look<'a> {
 
 impl Look<'_> {
     /// The surfaces of a core and of what it has passed through.
-    fn from(&self, core: &Core, seen: &mut Vec<Seen>) -> Option<(usize, usize)> {
+    fn from(&self, core: &Core, seen: &mut Vec<Seen>) -> Option<[usize; 2]> {
         let all = &self.contact.surfaces;
         let corners = &all.triangles[core.triangle as usize];
         let mine = all.surface(corners[0]);
@@ -142,8 +216,8 @@ impl Look<'_> {
             match seen.front {
                 None if gap < 0.0 => seen.front = Some(self.nearest(s, 0, other, &before, Some(nearest))),
                 Some(front) if gap >= 0.0 => {
-                    if normal(front).dot(&normal(nearest)) < FACING {
-                        passed = Some((mine, other));
+                    if faces_away(&normal(front), &normal(nearest)) {
+                        passed = Some([mine, other]);
                     }
                     seen.front = None;
                 }

@@ -99,12 +99,14 @@ impl Contact {
         let spans: Vec<Aabb> =
             all.list.par_iter().map(|s| Aabb::around(u[s.samples.clone()].iter())).collect();
         let against = |point: usize, other: usize| spans[other].farthest(&u[point]);
-        let of_point = |point: usize| {
-            let others = &self.partners.of[all.surface(point as u32)];
-            others.iter().map(|&other| against(point, other)).fold(0.0, f64::max)
+        // Surfaces no point of which goes too far are left out.
+        let farthest_of = |(s, surface): (usize, &Surface)| {
+            let others = self.partners.of[s].iter().filter(|&&o| spans[o].farthest_of(&spans[s]) > longest);
+            let of_point = |point: usize| others.clone().map(|&o| against(point, o)).fold(0.0, f64::max);
+            surface.samples.clone().map(of_point).fold(longest, f64::max)
         };
-        let farthest = (0..u.len()).into_par_iter().with_min_len(4096).map(of_point).reduce(|| 0.0, f64::max);
-        let mut share = (longest / farthest).min(1.0);
+        let farthest = all.list.par_iter().enumerate().map(farthest_of).reduce(|| longest, f64::max);
+        let mut share = longest / farthest;
         let least = |point: usize, other: usize| share * against(point, other);
         let ahead = self.near_within(&start, sampled(floor), &least, longest, 0.0);
         for n in ahead {

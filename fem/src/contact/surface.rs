@@ -4,7 +4,7 @@
 //! integrated over each surface with the trapezoidal rule on triangles divided finely enough for the surfaces that it
 //! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
 
-use super::closest::EDGES;
+use super::closest::{EDGES, point_triangle};
 use super::tree::{Aabb, Fitted, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -212,6 +212,7 @@ impl Surfaces {
             let is_third = self.points[self.triangles[t][2] as usize].n == 4;
             if let Some(way) = way
                 && !(is_third && (t - first_triangle) % 2 == 1)
+                && is_middle(way, &corners[t - first_triangle], &corners, &fitted)
             {
                 let across = first_triangle as u32 + way.across;
                 self.cores.push(Core { triangle: t as u32, across, at: way.at });
@@ -405,6 +406,34 @@ fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<Option<WayThr
         nearest
     };
     triangles.par_iter().map(through).collect()
+}
+
+/// Cosine between the normals of two triangles from which on they are two sides of a body: 120 degrees, between the 90 of a face
+/// beside the other, round whose edge one may go, and the 180 of the far one.
+const FACING: f64 = -0.5;
+
+/// Whether two triangles with these normals are two sides of a body.
+pub(super) fn faces_away(front: &Vector3<f64>, back: &Vector3<f64>) -> bool {
+    front.dot(back) < FACING
+}
+
+/// A place halfway through a body is in the middle of it where no side is nearer than this share of the way to the two ends.
+const MIDDLE: f64 = 0.5;
+
+/// Whether halfway along a way from the middle of a triangle is the middle of the body: not so where the way leads along it.
+fn is_middle(
+    way: &WayThrough,
+    [a, b, c]: &[Vector3<f64>; 3],
+    triangles: &[[Vector3<f64>; 3]],
+    fitted: &Fitted,
+) -> bool {
+    let half = (c - a).cross(&(b - a)).normalize() * (way.length / 2.0);
+    let middle = (a + b + c) / 3.0 + half;
+    let squared = |t: u32| {
+        let [a, b, c] = triangles[t as usize];
+        point_triangle(&[middle, a, b, c]).squared()
+    };
+    fitted.nearest(&middle, MIDDLE * half.norm(), None, squared).is_none()
 }
 
 /// How far along a ray a triangle is met from behind \[m\], and the weights of its corners there: Möller & Trumbore, Fast, minimum

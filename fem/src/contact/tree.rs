@@ -46,6 +46,11 @@ impl Aabb {
         (p - self.lo).abs().sup(&(p - self.hi).abs()).norm()
     }
 
+    /// Greatest distance between points of the two.
+    pub fn farthest_of(&self, other: &Aabb) -> f64 {
+        (self.hi - other.lo).abs().sup(&(self.lo - other.hi).abs()).norm()
+    }
+
     /// The box of both.
     pub fn join(&self, other: &Aabb) -> Aabb {
         Aabb { lo: self.lo.inf(&other.lo), hi: self.hi.sup(&other.hi) }
@@ -76,6 +81,12 @@ fn of_parry(v: ParryVector) -> Vector3<f64> {
     Vector3::new(v.x, v.y, v.z)
 }
 
+impl Default for Aabb {
+    fn default() -> Aabb {
+        Aabb::empty()
+    }
+}
+
 impl From<&Aabb> for ParryAabb {
     fn from(b: &Aabb) -> ParryAabb {
         let to = |v: &Vector3<f64>| ParryVector::new(v.x, v.y, v.z);
@@ -99,22 +110,21 @@ pub struct Tree {
 #[derive(Clone, Debug, Default)]
 pub struct Fitted {
     bvh: Bvh,
+    whole: Aabb,
 }
 
 impl Fitted {
     /// The box of all primitives.
-    pub fn whole(&self) -> Aabb {
-        let whole = self.bvh.root_aabb();
-        match self.bvh.is_empty() {
-            true => Aabb::empty(),
-            false => Aabb { lo: of_parry(whole.mins), hi: of_parry(whole.maxs) },
-        }
+    pub fn whole(&self) -> &Aabb {
+        &self.whole
     }
 
     /// Calls `found` with every primitive whose box `query` overlaps.
     pub fn overlapping(&self, query: &Aabb, mut found: impl FnMut(u32)) {
-        let query = ParryAabb::from(query);
-        self.bvh.intersect_aabb(&query).for_each(&mut found);
+        // Most surfaces are nowhere near.
+        if self.whole.overlaps(query) {
+            self.bvh.intersect_aabb(&ParryAabb::from(query)).for_each(&mut found);
+        }
     }
 
     /// The primitive nearest to `p` by `squared_distance`, closer than `within`; ties go to the lesser primitive. The answer does not
@@ -156,6 +166,11 @@ impl Tree {
             bvh.update_partially_if_present(ParryAabb::from(&boxes(primitive)), primitive, 0.0);
         }
         bvh.refit_without_opt();
-        Fitted { bvh }
+        let whole = bvh.root_aabb();
+        let whole = match bvh.is_empty() {
+            true => Aabb::empty(),
+            false => Aabb { lo: of_parry(whole.mins), hi: of_parry(whole.maxs) },
+        };
+        Fitted { bvh, whole }
     }
 }

@@ -794,7 +794,10 @@ impl Potential for LoadedIsland {
             let to = self.expand(x);
             match self.floor {
                 0.0 => contact.share(from, &to),
-                floor => contact.soft_share(from, &to, floor),
+                floor => {
+                    let share = contact.soft_share(from, &to, floor);
+                    contact.share_before_passage(from, &to, share)
+                }
             }
         };
         self.contact(share).unwrap_or(1.0)
@@ -846,10 +849,11 @@ impl Loading for LoadedIsland {
 
     fn renew(&mut self, x: &[f64]) -> bool {
         if self.floor > 0.0 && self.passed.is_none() {
-            self.passed = self.passage(x);
+            let x = self.expand(x);
+            self.passed = self.contact(|contact| contact.watch_step(&x)).flatten();
         }
         if self.anchor.is_empty() {
-            return false;
+            return self.floor > 0.0;
         }
         self.anchor = self.expand(x);
         true
@@ -879,6 +883,7 @@ impl Loading for LoadedIsland {
         self.floor = if can { floor } else { 0.0 };
         if self.floor == 0.0 {
             self.passed = None;
+            self.contact(Contact::end_watch);
         }
         can
     }
@@ -889,7 +894,7 @@ impl Loading for LoadedIsland {
     }
 
     fn passage(&self, x: &[f64]) -> Option<[String; 2]> {
-        self.contact(|contact| contact.look_for_passage(&self.expand(x))).flatten()
+        self.contact(|contact| contact.watch_step(&self.expand(x))).flatten()
     }
 
     fn passed(&self) -> Option<&[String; 2]> {
