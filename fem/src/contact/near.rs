@@ -7,7 +7,8 @@
 //!
 //! A point inside a closed body has come in by the side that is nearest, unless that faces the way the point itself does: then the
 //! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
-//! body is deep, which then still sticks out there.
+//! body is deep, which then still sticks out there. Where the middle of its body is inside, too, it is pushed back by the side by which
+//! that has come in ([`passage`](super::passage)).
 
 use super::candidates::Primitives;
 use super::closest::{feature, point_triangle};
@@ -192,6 +193,7 @@ struct Search<'a> {
     normals: Vec<Normals>,
     fitted: Vec<Fitted>,
     boxes: Vec<Aabb>,
+    /// Points behind which the middle of their body is inside another.
     swallowed: Arc<Swallowed>,
 }
 

@@ -22,6 +22,8 @@ const MOST_HALVES: usize = 5;
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     now: State,
+    /// Points of triangles whose core is inside another surface.
+    swallowed: Arc<Swallowed>,
     ahead: Option<Ahead>,
 }
 
@@ -33,8 +35,6 @@ struct State {
     fitted: Vec<Fitted>,
     /// What each core has seen of other surfaces.
     seen: Vec<Vec<Seen>>,
-    /// Points of triangles whose core is inside another surface.
-    swallowed: Arc<Swallowed>,
 }
 
 /// Where a way leads.
@@ -75,7 +75,7 @@ impl Contact {
         let p = self.surfaces.positions(x);
         let fitted = self.fitted(&p);
         let seen = vec![Vec::new(); self.surfaces.cores.len()];
-        *self.watch() = Watch { now: State { p, fitted, seen, swallowed: Arc::default() }, ahead: None };
+        *self.watch() = Watch { now: State { p, fitted, seen }, ..Watch::default() };
     }
 
     /// Watches no more.
@@ -116,8 +116,10 @@ impl Contact {
         if passed.is_none()
             && let Some(ahead) = watch.ahead.take()
         {
-            if ahead.state.swallowed != watch.now.swallowed {
+            let swallowed = self.swallowed_by(&ahead.state.seen);
+            if swallowed != *watch.swallowed {
                 // They are pushed elsewhere now.
+                watch.swallowed = Arc::new(swallowed);
                 *self.last.lock().expect("no thread panics while it holds the terms") = Arc::default();
             }
             watch.now = ahead.state;
@@ -126,7 +128,7 @@ impl Contact {
     }
 
     pub(super) fn swallowed(&self) -> Arc<Swallowed> {
-        self.watch().now.swallowed.clone()
+        self.watch().swallowed.clone()
     }
 
     fn watch(&self) -> MutexGuard<'_, Watch> {
@@ -144,9 +146,7 @@ impl Contact {
         let look = Look { contact: self, fitted: [&now.fitted, &fitted], normals, p: [&now.p, &p], ways };
         let cores = seen.par_iter_mut().zip(&all.cores).with_min_len(64);
         let passed: Vec<Option<[usize; 2]>> = cores.map(|(seen, core)| look.from(core, seen)).collect();
-        let swallowed = Arc::new(self.swallowed_by(&seen));
-        let state = State { p, fitted, seen, swallowed };
-        Ahead { x: x.to_vec(), state, passed: passed.into_iter().flatten().next() }
+        Ahead { x: x.to_vec(), state: State { p, fitted, seen }, passed: passed.into_iter().flatten().next() }
     }
 
     fn swallowed_by(&self, seen: &[Vec<Seen>]) -> Swallowed {

@@ -9,7 +9,7 @@
 //! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.
 //!
 //! All surfaces must be closed. A point leaves a body by the side that is nearest, or by the one that its own body sticks out of where
-//! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters, and whether
+//! it has got past the middle, or by that by which its own body's middle has come in, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters, and whether
 //! a body gets through another is watched, see [`passage`](super::passage).
 
 use super::candidates::Primitives;
@@ -98,10 +98,11 @@ impl Contact {
         // What points and surfaces do together brings none into another.
         let spans: Vec<Aabb> =
             all.list.par_iter().map(|s| Aabb::around(u[s.samples.clone()].iter())).collect();
-        let against = |point: usize, other: usize| spans[other].farthest(&u[point]);
+        let against =
+            |point: usize, other: usize| spans[other].farthest(&Aabb { lo: u[point], hi: u[point] });
         // Surfaces no point of which goes too far are left out.
         let farthest_of = |(s, surface): (usize, &Surface)| {
-            let others = self.partners.of[s].iter().filter(|&&o| spans[o].farthest_of(&spans[s]) > longest);
+            let others = self.partners.of[s].iter().filter(|&&o| spans[o].farthest(&spans[s]) > longest);
             let of_point = |point: usize| others.clone().map(|&o| against(point, o)).fold(0.0, f64::max);
             surface.samples.clone().map(of_point).fold(longest, f64::max)
         };

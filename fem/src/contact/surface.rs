@@ -212,7 +212,7 @@ impl Surfaces {
             let is_third = self.points[self.triangles[t][2] as usize].n == 4;
             if let Some(way) = way
                 && !(is_third && (t - first_triangle) % 2 == 1)
-                && is_middle(way, &corners[t - first_triangle], &corners, &fitted)
+                && way.has_middle
             {
                 let across = first_triangle as u32 + way.across;
                 self.cores.push(Core { triangle: t as u32, across, at: way.at });
@@ -379,6 +379,8 @@ struct WayThrough {
     /// The triangle by which it comes out, counted from the first, and the weights of its corners there.
     across: u32,
     at: [f64; 3],
+    /// Halfway along it is the middle of the body: not so where the way leads along the body.
+    has_middle: bool,
 }
 
 /// Ways from the middle of each triangle into the body until they come out of it; `None` where they never do.
@@ -399,9 +401,17 @@ fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<Option<WayThr
                 if let Some((length, at)) = way_out(&from, &inwards, &triangles[t as usize])
                     && is_nearer(length, &nearest)
                 {
-                    nearest = Some(WayThrough { length, across: t, at });
+                    nearest = Some(WayThrough { length, across: t, at, has_middle: false });
                 }
             });
+        }
+        if let Some(way) = &mut nearest {
+            let middle = from + inwards * (way.length / 2.0);
+            let squared = |t: u32| {
+                let [a, b, c] = triangles[t as usize];
+                point_triangle(&[middle, a, b, c]).squared()
+            };
+            way.has_middle = fitted.nearest(&middle, MIDDLE * way.length / 2.0, None, squared).is_none();
         }
         nearest
     };
@@ -419,22 +429,6 @@ pub(super) fn faces_away(front: &Vector3<f64>, back: &Vector3<f64>) -> bool {
 
 /// A place halfway through a body is in the middle of it where no side is nearer than this share of the way to the two ends.
 const MIDDLE: f64 = 0.5;
-
-/// Whether halfway along a way from the middle of a triangle is the middle of the body: not so where the way leads along it.
-fn is_middle(
-    way: &WayThrough,
-    [a, b, c]: &[Vector3<f64>; 3],
-    triangles: &[[Vector3<f64>; 3]],
-    fitted: &Fitted,
-) -> bool {
-    let half = (c - a).cross(&(b - a)).normalize() * (way.length / 2.0);
-    let middle = (a + b + c) / 3.0 + half;
-    let squared = |t: u32| {
-        let [a, b, c] = triangles[t as usize];
-        point_triangle(&[middle, a, b, c]).squared()
-    };
-    fitted.nearest(&middle, MIDDLE * half.norm(), None, squared).is_none()
-}
 
 /// How far along a ray a triangle is met from behind \[m\], and the weights of its corners there: Möller & Trumbore, Fast, minimum
 /// storage ray-triangle intersection, J. Graph. Tools 2 (1997).

@@ -41,13 +41,8 @@ impl Aabb {
         points.fold(Aabb::empty(), |sum, p| sum.join(&Aabb { lo: *p, hi: *p }))
     }
 
-    /// Distance from a point to what of the box is farthest from it.
-    pub fn farthest(&self, p: &Vector3<f64>) -> f64 {
-        (p - self.lo).abs().sup(&(p - self.hi).abs()).norm()
-    }
-
     /// Greatest distance between points of the two.
-    pub fn farthest_of(&self, other: &Aabb) -> f64 {
+    pub fn farthest(&self, other: &Aabb) -> f64 {
         (self.hi - other.lo).abs().sup(&(self.lo - other.hi).abs()).norm()
     }
 

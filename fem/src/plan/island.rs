@@ -849,8 +849,7 @@ impl Loading for LoadedIsland {
 
     fn renew(&mut self, x: &[f64]) -> bool {
         if self.floor > 0.0 && self.passed.is_none() {
-            let x = self.expand(x);
-            self.passed = self.contact(|contact| contact.watch_step(&x)).flatten();
+            self.passed = self.passage(x);
         }
         if self.anchor.is_empty() {
             return self.floor > 0.0;
