@@ -143,3 +143,57 @@ fn two_surfaces_press_on_one_area_whoever_is_named_first() {
     // The layer of 0.3 mm is squeezed, and not to nothing.
     assert!((2e-5..3e-4).contains(&standoff), "{standoff} m");
 }
+
+/// The strap over a cylinder (radius 3 mm, 2 mm below it) with all its nodes moved down by `by` \[m\], over the nodes of its island.
+fn lowered(plan: &Plan, by: f64) -> Vec<f64> {
+    let mut x = plan.reference();
+    let mut nodes = plan.mesh.blocks[0].nodes.clone();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes.iter().for_each(|&n| x[3 * n as usize + 2] -= by);
+    plan.islands[0].gather(&x)
+}
+
+#[test]
+fn a_middle_that_comes_out_on_the_far_side_is_a_passage() {
+    let scene = strap_over_cylinder(2e-3, 1.0, Variant::Plain);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let contact = plan.islands[0].contact.as_ref().expect("with contact");
+    let at = |by: f64| lowered(&plan, by);
+    assert_eq!(contact.passage(&at(11e-3)), None, "nobody watches");
+    contact.begin_watch(&at(0.0));
+    // The middle of the strap, 1 mm above its lower side, is 1.5 mm inside the cylinder, then below it, or above it again.
+    assert_eq!(contact.watch_step(&at(4.5e-3)), None);
+    let passed = contact.passage(&at(11e-3)).expect("it went through");
+    assert_eq!(passed, ["strap_block", "cylinder_block"].map(String::from));
+    assert_eq!(contact.passage(&at(0.0)), None, "it went back");
+    // Half of the way ends inside.
+    assert_eq!(contact.share_before_passage(&at(4.5e-3), &at(11e-3), 1.0), 0.5);
+    contact.end_watch();
+    assert_eq!(contact.passage(&at(11e-3)), None, "nobody watches any more");
+}
+
+#[test]
+fn whose_middle_is_inside_is_pushed_back_more_than_without_a_watch() {
+    let scene = strap_over_cylinder(2e-3, 1.0, Variant::Plain);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let island = &plan.islands[0];
+    let contact = island.contact.as_ref().expect("with contact");
+    let strap: Vec<usize> =
+        (0..island.nodes.len()).filter(|&i| plan.mesh.blocks[0].nodes.contains(&island.nodes[i])).collect();
+    let upwards = |x: &[f64]| {
+        let mut g = vec![0.0; x.len()];
+        contact.add_gradient(x, 0.1, &mut g);
+        strap.iter().map(|&i| -g[3 * i + 2]).sum::<f64>()
+    };
+    // The strap's middle is 0.5 mm past the axis of the cylinder: nearest is the far side.
+    let deep = lowered(&plan, 6.5e-3);
+    let unwatched = upwards(&deep);
+    contact.begin_watch(&lowered(&plan, 0.0));
+    assert_eq!(contact.watch_step(&lowered(&plan, 4.5e-3)), None);
+    assert_eq!(contact.watch_step(&deep), None);
+    let watched = upwards(&deep);
+    contact.end_watch();
+    // Sideways and down by up to 30 degrees is allowed still: 120 degrees between the faces.
+    assert!(watched > unwatched, "{watched} N upwards, {unwatched} N without a watch");
+}
