@@ -2,8 +2,7 @@
 //!
 //! **Guarded**: a barrier on the distance, integrated over both surfaces of a pair, and continuous collision detection in
 //! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020), so nothing passes through. One way around is
-//! [`soft`]: it finds a guess at which nothing overlaps, from which the guarded mode goes on, and [`passage`] watches that nobody gets
-//! through anybody on the way to it. docs/theory.md has it all on one page.
+//! [`soft`]: it finds a guess at which nothing overlaps, from which the guarded mode goes on. docs/theory.md has it all on one page.
 //!
 //! Π = ½ Σ over samples of A (area) b(distance to B) + the same from B to A + Σ over pairs of edges (area) b(distance).
 //! The distance of a sample to a surface is made smooth at edges and corners by counting the triangles within reach, less the
@@ -24,7 +23,6 @@ mod measure;
 mod near;
 mod normals;
 mod part;
-mod passage;
 mod penalty;
 mod soft;
 mod start;
@@ -94,8 +92,6 @@ pub struct Contact {
     last: Mutex<Arc<Terms>>,
     /// What the last search for near points has found.
     memory: Mutex<near::Memory>,
-    /// Who has come into whom while contact is softened.
-    watch: Mutex<passage::Watch>,
 }
 
 /// The terms of the potential at some positions.
@@ -154,7 +150,6 @@ impl Contact {
             cache: Mutex::default(),
             last: Mutex::default(),
             memory: Mutex::default(),
-            watch: Mutex::default(),
         };
         if contact.mode == Mode::Guarded {
             contact.fit_reach(X);

@@ -7,19 +7,16 @@
 //!
 //! A point inside a closed body has come in by the side that is nearest, unless that faces the way the point itself does: then the
 //! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
-//! body is deep, which then still sticks out there. Where the middle of its body is inside, too, it is pushed back by the side by which
-//! that has come in ([`passage`](super::passage)).
+//! body is deep, which then still sticks out there.
 
 use super::candidates::Primitives;
 use super::closest::{feature, point_triangle};
 use super::normals::Normals;
-use super::passage::Swallowed;
-use super::surface::{Surface, faces_away};
+use super::surface::Surface;
 use super::tree::{Aabb, Fitted};
 use super::{Contact, Mode};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
@@ -110,18 +107,8 @@ impl Contact {
         memory.p.copy_from_slice(p);
         let fitted = self.fitted(p);
         let boxes = fitted.iter().map(|f| f.whole().grown(view)).collect();
-        let search = Search {
-            contact: self,
-            p,
-            view,
-            aside,
-            moved,
-            ways,
-            normals: self.normals(p),
-            fitted,
-            boxes,
-            swallowed: self.swallowed(),
-        };
+        let search =
+            Search { contact: self, p, view, aside, moved, ways, normals: self.normals(p), fitted, boxes };
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
         let Memory { corners, others, .. } = &mut *memory;
@@ -193,8 +180,6 @@ struct Search<'a> {
     normals: Vec<Normals>,
     fitted: Vec<Fitted>,
     boxes: Vec<Aabb>,
-    /// Points behind which the middle of their body is inside another.
-    swallowed: Arc<Swallowed>,
 }
 
 impl Search<'_> {
@@ -285,17 +270,10 @@ impl Search<'_> {
             near.room = near.gap + HALF * all.depths[near.triangle as usize].min(view);
         } else if contact.mode == Mode::Guarded {
             let mine = self.normals[all.surface(point as u32)].sample(point as u32);
-            let at = self.swallowed.binary_search_by_key(&(point as u32, other), |s| (s.0, s.1));
-            let front = at.ok().map(|at| normals.triangle(self.swallowed[at].2));
-            let is_far = |t: u32| {
-                let normal = normals.triangle((s.triangles.start + t as usize) as u32);
-                match &front {
-                    Some(front) => faces_away(front, &normal),
-                    None => normal.dot(&mine) > ALIGNED,
-                }
-            };
+            let is_far =
+                |t: u32| normals.triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED;
             let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
-            let within = if front.is_some() { unlimited } else { all.sample_depths[point].min(view) };
+            let within = all.sample_depths[point].min(view);
             if is_far(nearest)
                 && let Some((front, _)) = self.fitted[other].nearest(&p[point], within, None, squared)
             {

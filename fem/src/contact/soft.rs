@@ -9,8 +9,8 @@
 //! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.
 //!
 //! All surfaces must be closed. A point leaves a body by the side that is nearest, or by the one that its own body sticks out of where
-//! it has got past the middle, or by that by which its own body's middle has come in, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters, and whether
-//! a body gets through another is watched, see [`passage`](super::passage).
+//! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
+//! Whether a body has got through another is looked at afterwards, see [`Sides`](crate::measure::Sides).
 
 use super::candidates::Primitives;
 use super::closest::point_triangle;

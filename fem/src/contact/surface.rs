@@ -4,7 +4,7 @@
 //! integrated over each surface with the trapezoidal rule on triangles divided finely enough for the surfaces that it
 //! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
 
-use super::closest::{EDGES, point_triangle};
+use super::closest::EDGES;
 use super::tree::{Aabb, Fitted, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -101,17 +101,6 @@ pub struct Surface {
     pub edge_tree: Tree,
 }
 
-/// A place in the middle of a body: halfway between the middle of a triangle and where the way through the body from there comes out.
-#[derive(Clone, Copy, Debug)]
-pub struct Core {
-    /// The triangle.
-    pub triangle: u32,
-    /// The triangle across, and the weights of its corners.
-    pub across: u32,
-    /// See `across`.
-    pub at: [f64; 3],
-}
-
 /// All collision surfaces of an island.
 #[derive(Clone, Debug, Default)]
 pub struct Surfaces {
@@ -133,8 +122,6 @@ pub struct Surfaces {
     pub triangle_samples: Vec<Vec<u32>>,
     /// Way through the body from the middle of each triangle in the reference configuration \[m\]; infinite where the surface is open.
     pub depths: Vec<f64>,
-    /// Places in the middle of closed bodies, two per quadrilateral face.
-    pub cores: Vec<Core>,
     /// Least depth of the triangles of each sample \[m\].
     pub sample_depths: Vec<f64>,
     /// Edges of the triangles, in the order of [`EDGES`].
@@ -205,19 +192,7 @@ impl Surfaces {
         let (triangle_tree, edge_tree) = (Tree::new(&triangles), Tree::new(&edges));
         let corners: Vec<_> = self.triangles[first_triangle..].iter().map(|t| t.map(at)).collect();
         let fitted = triangle_tree.fit(|t| triangles[t as usize]);
-        let ways = depths(&corners, &fitted);
-        self.depths.extend(ways.iter().map(|way| way.as_ref().map_or(f64::INFINITY, |way| way.length)));
-        for (t, way) in (first_triangle..).zip(&ways) {
-            // Of the four triangles of a quadrilateral every other one: they overlap in the middle of the body.
-            let is_third = self.points[self.triangles[t][2] as usize].n == 4;
-            if let Some(way) = way
-                && !(is_third && (t - first_triangle) % 2 == 1)
-                && way.has_middle
-            {
-                let across = first_triangle as u32 + way.across;
-                self.cores.push(Core { triangle: t as u32, across, at: way.at });
-            }
-        }
+        self.depths.extend(depths(&corners, &fitted));
         self.sample_depths.resize(self.points.len(), f64::INFINITY);
         for t in first_triangle..self.triangles.len() {
             for &s in &self.triangle_samples[t] {
@@ -372,71 +347,32 @@ impl Surfaces {
     }
 }
 
-/// The way through a body from the middle of a triangle.
-struct WayThrough {
-    /// \[m\]
-    length: f64,
-    /// The triangle by which it comes out, counted from the first, and the weights of its corners there.
-    across: u32,
-    at: [f64; 3],
-    /// Halfway along it is the middle of the body: not so where the way leads along the body.
-    has_middle: bool,
-}
-
-/// Ways from the middle of each triangle into the body until they come out of it; `None` where they never do.
-fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<Option<WayThrough>> {
+/// Way \[m\] from the middle of each triangle into the body until it comes out of it; infinite where it never does.
+fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<f64> {
     let whole = fitted.whole();
     let diagonal = (whole.hi - whole.lo).norm();
     let through = |[a, b, c]: &[Vector3<f64>; 3]| {
         let (from, inwards) = ((a + b + c) / 3.0, (c - a).cross(&(b - a)).normalize());
-        let mut nearest: Option<WayThrough> = None;
+        let mut nearest = f64::INFINITY;
         let mut length = (b - a).norm();
-        let is_nearer =
-            |way: f64, nearest: &Option<WayThrough>| nearest.as_ref().is_none_or(|n| way < n.length);
         // Short ways first: their boxes meet little.
-        while is_nearer(length, &nearest) && length < 2.0 * diagonal {
+        while !(nearest <= length) && length < 2.0 * diagonal {
             length *= 2.0;
             let way = Aabb::of_way(&from, &(from + inwards * length), 0.0);
             fitted.overlapping(&way, |t| {
-                if let Some((length, at)) = way_out(&from, &inwards, &triangles[t as usize])
-                    && is_nearer(length, &nearest)
-                {
-                    nearest = Some(WayThrough { length, across: t, at, has_middle: false });
+                if let Some(hit) = way_out(&from, &inwards, &triangles[t as usize]) {
+                    nearest = nearest.min(hit);
                 }
             });
-        }
-        if let Some(way) = &mut nearest {
-            let middle = from + inwards * (way.length / 2.0);
-            let squared = |t: u32| {
-                let [a, b, c] = triangles[t as usize];
-                point_triangle(&[middle, a, b, c]).squared()
-            };
-            way.has_middle = fitted.nearest(&middle, MIDDLE * way.length / 2.0, None, squared).is_none();
         }
         nearest
     };
     triangles.par_iter().map(through).collect()
 }
 
-/// Cosine between the normals of two triangles from which on they are two sides of a body: 120 degrees, between the 90 of a face
-/// beside the other, round whose edge one may go, and the 180 of the far one.
-const FACING: f64 = -0.5;
-
-/// Whether two triangles with these normals are two sides of a body.
-pub(super) fn faces_away(front: &Vector3<f64>, back: &Vector3<f64>) -> bool {
-    front.dot(back) < FACING
-}
-
-/// A place halfway through a body is in the middle of it where no side is nearer than this share of the way to the two ends.
-const MIDDLE: f64 = 0.5;
-
-/// How far along a ray a triangle is met from behind \[m\], and the weights of its corners there: Möller & Trumbore, Fast, minimum
-/// storage ray-triangle intersection, J. Graph. Tools 2 (1997).
-fn way_out(
-    from: &Vector3<f64>,
-    along: &Vector3<f64>,
-    [a, b, c]: &[Vector3<f64>; 3],
-) -> Option<(f64, [f64; 3])> {
+/// How far along a ray a triangle is met from behind \[m\]: Möller & Trumbore, Fast, minimum storage ray-triangle intersection, J. Graph.
+/// Tools 2 (1997).
+fn way_out(from: &Vector3<f64>, along: &Vector3<f64>, [a, b, c]: &[Vector3<f64>; 3]) -> Option<f64> {
     let (u, v, w) = (b - a, c - a, from - a);
     let det = -u.cross(&v).dot(along);
     if !(det < 0.0) {
@@ -445,5 +381,5 @@ fn way_out(
     let side = w.cross(along);
     let (s, t) = (v.dot(&side) / det, -u.dot(&side) / det);
     let way = w.dot(&u.cross(&v)) / det;
-    (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && way > 0.0).then_some((way, [1.0 - s - t, s, t]))
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0 && way > 0.0).then_some(way)
 }

@@ -471,8 +471,6 @@ pub struct LoadedIsland {
     anchor: Vec<f64>,
     /// Share of the activation distance below which contact is softened; 0: nowhere.
     floor: f64,
-    /// A body that has passed through another since they are watched.
-    passed: Option<[String; 2]>,
     /// Inertia over the time step that the load takes; absent: equilibrium is sought.
     inertia: Option<TimeStep>,
     /// Time spent in contact \[ns\].
@@ -486,18 +484,7 @@ impl LoadedIsland {
         island.prescribe(&start, &mut x);
         let (load, in_contact) = (start.clone(), AtomicU64::new(0));
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
-        LoadedIsland {
-            island,
-            load,
-            start,
-            end,
-            x,
-            anchor,
-            floor: 0.0,
-            passed: None,
-            inertia: None,
-            in_contact,
-        }
+        LoadedIsland { island, load, start, end, x, anchor, floor: 0.0, inertia: None, in_contact }
     }
 
     /// The same with inertia: from the places `x` \[m\] and velocities `v` \[m/s\] of all local nodes over `h` \[s\]; `masses` \[kg\] per
@@ -794,10 +781,7 @@ impl Potential for LoadedIsland {
             let to = self.expand(x);
             match self.floor {
                 0.0 => contact.share(from, &to),
-                floor => {
-                    let share = contact.soft_share(from, &to, floor);
-                    contact.share_before_passage(from, &to, share)
-                }
+                floor => contact.soft_share(from, &to, floor),
             }
         };
         self.contact(share).unwrap_or(1.0)
@@ -848,11 +832,8 @@ impl Loading for LoadedIsland {
     }
 
     fn renew(&mut self, x: &[f64]) -> bool {
-        if self.floor > 0.0 && self.passed.is_none() {
-            self.passed = self.passage(x);
-        }
         if self.anchor.is_empty() {
-            return self.floor > 0.0;
+            return false;
         }
         self.anchor = self.expand(x);
         true
@@ -877,27 +858,10 @@ impl Loading for LoadedIsland {
     }
 
     fn soften(&mut self, floor: f64) -> bool {
-        // With inertia what was passed through on the way would be a tunnel.
+        // With inertia what is passed through on the way would be a tunnel.
         let can = self.inertia.is_none() && self.island.contact.as_ref().is_some_and(Contact::can_soften);
         self.floor = if can { floor } else { 0.0 };
-        if self.floor == 0.0 {
-            self.passed = None;
-            self.contact(Contact::end_watch);
-        }
         can
-    }
-
-    fn watch(&mut self, x: &[f64]) {
-        self.passed = None;
-        self.contact(|contact| contact.begin_watch(&self.expand(x)));
-    }
-
-    fn passage(&self, x: &[f64]) -> Option<[String; 2]> {
-        self.contact(|contact| contact.watch_step(&self.expand(x))).flatten()
-    }
-
-    fn passed(&self) -> Option<&[String; 2]> {
-        self.passed.as_ref()
     }
 
     fn meets(&self, x: &[f64]) -> bool {

@@ -119,7 +119,6 @@ impl Run<'_> {
     /// where nothing overlaps, and otherwise leaves `x`.
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         let (start, before) = (x.to_vec(), potential.energy(x));
-        potential.watch(x);
         let better = self.equilibrate_softly(potential, x, load) && potential.energy(x) < before;
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
         match better {
@@ -138,9 +137,8 @@ impl Run<'_> {
             && (potential.part(x, hardest)
                 // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
                 || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x, hardest));
-        let kept = potential.passed().is_none() && potential.passage(x).is_none();
         potential.soften(0.0);
-        parted && kept && is_sound(potential, x, 0.0)
+        parted && is_sound(potential, x, 0.0)
     }
 
     /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in
@@ -166,9 +164,6 @@ impl Run<'_> {
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
         self.convexity = before;
         self.linear.forget();
-        if let Some([a, b]) = potential.passed() {
-            tracing::debug!(island = %self.name, step = self.step, load, floor, a, b, "one passes through the other");
-        }
         matches!(outcome, Some(Ok(())))
     }
 
@@ -226,7 +221,6 @@ impl Run<'_> {
     ) -> Soft {
         let mut meets = false;
         let mut trial = x.to_vec();
-        potential.watch(x);
         loop {
             let from = t;
             let (det_before, _) = potential.least_det_f(x);
@@ -243,10 +237,7 @@ impl Run<'_> {
                     length *= (0.9 * share).clamp(0.1, 0.9);
                     continue;
                 }
-                if share < 1.0
-                    || !(potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before)
-                    || potential.passage(&trial).is_some()
-                {
+                if share < 1.0 || !(potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before) {
                     potential.set_load(t, x);
                     break;
                 }

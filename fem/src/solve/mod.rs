@@ -137,19 +137,6 @@ pub trait Loading: Potential {
         false
     }
 
-    /// Begins to watch, at `x`, where nothing overlaps, whether anything passes through anything: [`renew`](Loading::renew) looks.
-    fn watch(&mut self, _x: &[f64]) {}
-
-    /// What would pass through what on the way to `x`; where nothing would, the way counts as gone.
-    fn passage(&self, _x: &[f64]) -> Option<[String; 2]> {
-        None
-    }
-
-    /// What has passed through what since they are watched.
-    fn passed(&self) -> Option<&[String; 2]> {
-        None
-    }
-
     /// Whether anything that is kept apart is close or overlaps at `x`.
     fn meets(&self, _x: &[f64]) -> bool {
         true

@@ -138,9 +138,6 @@ impl Run<'_> {
             if potential.renew(x) {
                 energy = potential.energy(x);
             }
-            if potential.passed().is_some() {
-                return Err(self.failure(potential, x, Reason::Touch, iteration, &g));
-            }
             self.gradient(potential, x, &mut g);
             scale = potential.force_scale(x);
             self.report.assembly_s += assembly.elapsed().as_secs_f64();
