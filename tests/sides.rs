@@ -6,7 +6,7 @@ use fem::plan::Plan;
 use fem::run::{DriveFrame, Session};
 use fem::scene::ContactMode;
 use fem::solve::{Settings, SolveError, Way};
-use support::side_scenes::{Variant, pressed_block, strap_over_cylinder};
+use support::side_scenes::{FAMILIES, Variant, pressed_block, random_side_scene, strap_over_cylinder};
 
 /// The thigh of some muscles, with contact among them and with the bones.
 fn thigh(muscles: &[&str]) -> Plan {
@@ -142,4 +142,25 @@ fn two_surfaces_press_on_one_area_whoever_is_named_first() {
     assert!((area / turned - 1.0).abs() < 1e-3, "{area} and {turned} m2");
     // The layer of 0.3 mm is squeezed, and not to nothing.
     assert!((2e-5..3e-4).contains(&standoff), "{standoff} m");
+}
+
+/// A ball between two pegs snaps in between them in the last of four steps, on the softened way and by collision detection: its line crosses
+/// that of a peg on the straight way from frame to frame.
+#[test]
+fn a_frame_that_changes_sides_is_gone_again_by_collision_detection() {
+    let blobs = FAMILIES.iter().position(|f| *f == "blobs and pegs").unwrap();
+    let scene = random_side_scene(blobs, 38);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let out = fem::run::run(&plan, &scene.drive(&plan, 4), &Settings::default(), None, &mut |_| {});
+    assert!(out.is_solved(), "{:?}", out.errors);
+    let again: Vec<bool> = out.frames.iter().map(|f| f.islands.iter().all(|i| i.gone_again)).collect();
+    assert_eq!(again, [false, false, false, true]);
+    // From the frame before it ends where collision detection alone does, to the bit, and it is told.
+    let [.., before, end] = &out.frames[..] else { panic!("four frames") };
+    let strict = Settings { way: Way::Strict, ..Settings::default() };
+    let mut session = Session::from_frame(&plan, &strict, before, 3).unwrap();
+    let alone = session.advance(&DriveFrame { time: end.time, load: end.load.clone() });
+    assert!(alone.errors.is_empty(), "{:?}", alone.errors);
+    assert_eq!(alone.frame.x, end.x);
+    assert_eq!(end.islands.iter().map(|i| i.crossed_pairs).sum::<usize>(), 1);
 }
