@@ -307,7 +307,7 @@ fn fields_of_a_uniform_deformation_are_those_of_the_theory() {
     let frame = |scene: &Scene| {
         let plan = plan(scene, &mesh);
         let load = plan.load(&[], &[]).expect("nothing is named");
-        let frame = Frame { time: 1.0, load, x: x.clone(), v: Vec::new(), islands: Vec::new() };
+        let frame = Frame { time: 1.0, load, x: x.clone(), ..Frame::default() };
         (parts(&plan, &frame, &Beside::default(), Some(0)), nodal_forces(&plan, frame.snapshot()))
     };
     let field = |parts: &[fem::mesh::format::pvd::Part], part: &str, name: &str| -> Vec<f64> {

@@ -164,3 +164,25 @@ fn a_frame_that_changes_sides_is_gone_again_by_collision_detection() {
     assert_eq!(alone.frame.x, end.x);
     assert_eq!(end.islands.iter().map(|i| i.crossed_pairs).sum::<usize>(), 1);
 }
+
+/// Two rods that the drive sends through each other, with a strap between them: the frame may be in equilibrium, but it is no good one.
+#[test]
+fn a_solved_frame_names_what_the_drive_sends_into_each_other() {
+    let between = FAMILIES.iter().position(|f| *f == "strap between").unwrap();
+    let scene = random_side_scene(between, 29);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let out = fem::run::run(&plan, &scene.drive(&plan, 1), &Settings::default(), None, &mut |_| {});
+    assert!(out.is_solved(), "{:?}", out.errors);
+    let told: Vec<usize> = out.frames.iter().map(|f| f.prescribed_overlaps.len()).collect();
+    assert_eq!(told.iter().filter(|n| **n > 0).count(), 1, "{told:?}");
+    let overlap = &out.last().unwrap().prescribed_overlaps[0];
+    assert_eq!(overlap.0, ["above_block", "below_block"]);
+    assert!(overlap.1 > 0);
+    // It is kept with the frame, and the summary of the run says it.
+    let folder = tempfile::tempdir().unwrap();
+    let beside = fem::parts::Beside::default();
+    fem::output::write_run(&plan, &scene.drive(&plan, 1), &out, folder.path(), "rods", &beside).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("rods.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(summary["prescribed_overlaps"][0]["pair"], serde_json::json!(overlap.0));
+}

@@ -1,6 +1,6 @@
 //! The gait steps on the deformable thigh, and its muscle forces beside those of the rigid leg.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -67,6 +67,8 @@ pub struct KeptSides {
     pub crossed_pairs: usize,
     /// Frames in which softened contact led through, and which collision detection alone went again.
     pub frames_gone_again: usize,
+    /// Pairs whose prescribed faces, which nothing can keep apart, intersect in a solved frame and not in the mesh.
+    pub prescribed_overlaps: BTreeSet<[String; 2]>,
     /// Distance \[mm\] at which surfaces press in the last frame, its mean weighted with the forces: they press as if they were thicker by
     /// that.
     pub standoff_mm: f64,
@@ -83,6 +85,12 @@ impl KeptSides {
         Some(KeptSides {
             pairs: contact.pairs.iter().filter(|[a, b]| a != b).count(),
             crossed_pairs: run.count(|i| i.crossed_pairs),
+            prescribed_overlaps: run
+                .frames
+                .iter()
+                .flat_map(|f| &f.prescribed_overlaps)
+                .map(|(pair, _)| pair.clone())
+                .collect(),
             frames_gone_again: run.frames.iter().filter(went_again).count(),
             standoff_mm: if all > 0.0 { 1e3 * sum / all } else { 0.0 },
         })

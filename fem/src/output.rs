@@ -213,6 +213,11 @@ impl RunFiles {
         }
         summary["loose_load_steps"] = json!(run.count(|island| island.loose_steps));
         summary["frames_tested_for_stability"] = json!(run.frames_tested_for_stability());
+        let overlaps = run.frames.iter().enumerate().flat_map(|(k, frame)| {
+            let told = move |(pair, n): &([String; 2], usize)| json!({ "frame": k, "pair": pair, "pairs_of_triangles": n });
+            frame.prescribed_overlaps.iter().map(told)
+        });
+        summary["prescribed_overlaps"] = overlaps.collect();
         if let Some(frame) = &run.unsolved {
             summary["unsolved_time"] = json!(self.beside.time(run.frames.len(), frame.time));
             summary["last_good_state"] = json!(file_name(&self.unsolved));

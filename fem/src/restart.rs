@@ -23,6 +23,7 @@ struct State {
     v: Vec<u64>,
     islands: Vec<([u64; 21], Vec<u64>, Vec<u64>)>,
     iterations: Vec<(String, [u64; 12])>,
+    prescribed_overlaps: Vec<([String; 2], usize)>,
 }
 
 /// File of a frame.
@@ -64,6 +65,7 @@ pub(crate) fn save(
         v: done.frame.v.iter().map(|v| v.to_bits()).collect(),
         islands: done.frame.islands.iter().map(pack_advance).collect(),
         iterations: done.iterations.iter().map(pack_iteration).collect(),
+        prescribed_overlaps: done.frame.prescribed_overlaps.clone(),
     };
     let bytes = serde_json::to_vec(&state).expect("a state is plain data");
     write_whole(&state_file(folder, name, frame), &bytes)
@@ -91,6 +93,7 @@ pub(crate) fn load(
             x: state.x.into_iter().map(f64::from_bits).collect(),
             v: state.v.into_iter().map(f64::from_bits).collect(),
             islands: state.islands.iter().map(unpack_advance).collect(),
+            prescribed_overlaps: state.prescribed_overlaps,
         },
         errors: Vec::new(),
         iterations: state.iterations.into_iter().map(unpack_iteration).collect(),

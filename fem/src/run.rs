@@ -30,7 +30,7 @@ impl Drive {
 }
 
 /// Equilibrium at one frame (with inertia: where it takes the nodes by then), or the last good state before it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Frame {
     /// Time \[s\] as in the drive.
     pub time: f64,
@@ -42,6 +42,9 @@ pub struct Frame {
     pub v: Vec<f64>,
     /// What the solver did, per island.
     pub islands: Vec<Advance>,
+    /// Surfaces whose prescribed faces intersect under the load, with the number of pairs of triangles ([`prescribed_overlaps`]): no
+    /// solver can keep them apart.
+    pub prescribed_overlaps: Vec<([String; 2], usize)>,
 }
 
 impl Frame {
@@ -202,7 +205,7 @@ impl<'a> Session<'a> {
         };
         if let Some(error) = refused {
             let (load, x, v) = (self.from.clone(), self.x.clone(), self.v.clone());
-            let frame = Frame { time: to.time, load, x, v, islands: Vec::new() };
+            let frame = Frame { time: to.time, load, x, v, ..Frame::default() };
             return Advanced { frame, errors: vec![error], iterations: Vec::new() };
         }
         let before = self.x.clone();
@@ -224,9 +227,9 @@ impl<'a> Session<'a> {
             self.x = before.clone();
             errors.push(error);
         }
-        if !errors.is_empty() {
-            let pairs = prescribed_overlaps(self.plan, &to.load);
-            errors.extend((!pairs.is_empty()).then_some(SolveError::NoRoom { step, pairs }));
+        let prescribed_overlaps = prescribed_overlaps(self.plan, &to.load);
+        if !errors.is_empty() && !prescribed_overlaps.is_empty() {
+            errors.push(SolveError::NoRoom { step, pairs: prescribed_overlaps.clone() });
         }
         if inertia.is_some() && errors.is_empty() {
             self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
@@ -234,8 +237,14 @@ impl<'a> Session<'a> {
         self.from = to.load.clone();
         self.time = to.time;
         self.step += 1;
-        let frame =
-            Frame { time: to.time, load: to.load.clone(), x: self.x.clone(), v: self.v.clone(), islands };
+        let frame = Frame {
+            time: to.time,
+            load: to.load.clone(),
+            x: self.x.clone(),
+            v: self.v.clone(),
+            islands,
+            prescribed_overlaps,
+        };
         Advanced { frame, errors, iterations }
     }
 

@@ -125,7 +125,7 @@ fn large_steps() -> Outcome {
         let out = guarded(&plan, &timed(&plan, h, 20, |_| vec![("g", 1.0)]), &Settings::default())?;
         let x = plan.reference();
         let load = out.frames[0].load.clone();
-        let at_start = Frame { time: 0.0, load, v: vec![0.0; x.len()], x, islands: Vec::new() };
+        let at_start = Frame { load, v: vec![0.0; x.len()], x, ..Frame::default() };
         let mut before = total_energy(&plan, &at_start);
         let scale = before.abs();
         for frame in &out.frames {

@@ -128,7 +128,7 @@ impl<'a> MuscleAlone<'a> {
         let mut session = match guess {
             None => Session::new(plan, &settings, None),
             Some(x) => {
-                let guess = Frame { time: 0.0, load: to.load.clone(), x, v: Vec::new(), islands: Vec::new() };
+                let guess = Frame { load: to.load.clone(), x, ..Frame::default() };
                 Session::from_frame(plan, &settings, &guess, 0)
             }
         }

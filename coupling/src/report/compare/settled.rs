@@ -59,7 +59,9 @@ impl fmt::Display for Settled {
             1 => write!(f, " (1 load step on the way to 5 % only)")?,
             n => write!(f, " ({n} load steps on the way to 5 % only)")?,
         }
-        let Some(KeptSides { pairs, crossed_pairs, frames_gone_again, standoff_mm }) = sides else {
+        let Some(KeptSides { pairs, crossed_pairs, frames_gone_again, prescribed_overlaps, standoff_mm }) =
+            sides
+        else {
             return Ok(());
         };
         match crossed_pairs {
@@ -68,6 +70,9 @@ impl fmt::Display for Settled {
         }
         if *frames_gone_again > 0 {
             write!(f, ", {frames_gone_again} frames gone again by collision detection alone")?;
+        }
+        for [a, b] in prescribed_overlaps {
+            write!(f, "; {a} and {b} overlap where their places are prescribed")?;
         }
         write!(f, "; surfaces press {standoff_mm:.2} mm apart in the mean")
     }
