@@ -24,16 +24,11 @@ pub fn intersections(plan: &Plan, at: Snapshot, apart_from: &[[&str; 2]]) -> Vec
             }
             let n = sa.intersections(sb).len();
             if n > 0 {
-                found.push(intersecting(a, b, n));
+                found.push(format!("`{a}` and `{b}`: {n} pairs of triangles"));
             }
         }
     }
     found
-}
-
-/// How [`intersections`] says it.
-pub fn intersecting(a: &str, b: &str, n: usize) -> String {
-    format!("`{a}` and `{b}`: {n} pairs of triangles")
 }
 
 /// Adds a mesh as `name`, moved by `shift` \[m\], with its block as a solid of muscle matrix.
