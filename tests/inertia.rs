@@ -235,7 +235,7 @@ fn inertia_is_the_derivative_of_its_energy() {
     let over = |h: f64| {
         let v = island.gather(&inertia.velocities);
         let mut loaded = LoadedIsland::new(island.clone(), load.clone(), load.clone());
-        loaded = loaded.over(h, &masses, &island.X, &v);
+        loaded = loaded.with(inertia.over(h, &island, &island.X, &v));
         let mut x = island.free_positions(&island.X);
         loaded.set_load(1.0, &mut x);
         (loaded, x)

@@ -4,8 +4,8 @@
 //! indefinite Hessian, and one shorter than a third of its length counts as inverted.
 
 use fem::solve::{
-    Analysis, BlockMatrix, Cholesky, Island, Iteration, IterationLog, Loading, NotConverged, PRESCRIBED,
-    Pattern, Potential, Reason, Settings, Slots, SolveError, Solver, Stability, advance_islands,
+    Admissible, Analysis, BlockMatrix, Cholesky, Island, Iteration, IterationLog, Loading, NotConverged,
+    PRESCRIBED, Pattern, Potential, Reason, Settings, Slots, SolveError, Solver, Stability, advance_islands,
 };
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
@@ -168,7 +168,9 @@ impl Potential for Lattice {
         let forces = (0..self.springs.len()).map(|s| STIFFNESS * self.spring(x, s).0);
         forces.map(|f| f * f).sum::<f64>().sqrt()
     }
+}
 
+impl Admissible for Lattice {
     fn least_det_f(&self, x: &[f64]) -> (f64, String) {
         let ratio = |s| self.spring(x, s).2;
         let worst = (0..self.springs.len()).min_by(|&a, &b| ratio(a).total_cmp(&ratio(b))).unwrap();
@@ -575,7 +577,9 @@ impl Potential for Saddle {
     fn force_scale(&self, x: &[f64]) -> f64 {
         self.0.force_scale(x)
     }
+}
 
+impl Admissible for Saddle {
     fn least_det_f(&self, x: &[f64]) -> (f64, String) {
         self.0.least_det_f(x)
     }
@@ -639,7 +643,9 @@ impl Potential for Ledge {
     fn force_scale(&self, x: &[f64]) -> f64 {
         self.lattice.force_scale(x)
     }
+}
 
+impl Admissible for Ledge {
     fn least_det_f(&self, x: &[f64]) -> (f64, String) {
         self.lattice.least_det_f(x)
     }

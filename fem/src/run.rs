@@ -265,9 +265,8 @@ impl<'a> Session<'a> {
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
                 if let Some(inertia) = inertia {
-                    let masses: Vec<f64> = island.nodes.iter().map(|&n| inertia.masses[n as usize]).collect();
                     let h = to.time - self.time;
-                    potential = potential.over(h, &masses, &local, &island.gather(&self.v));
+                    potential = potential.with(inertia.over(h, island, &local, &island.gather(&self.v)));
                 }
                 let mut rows = Vec::new();
                 let result = match free.is_empty() {

@@ -28,10 +28,12 @@ mod soft;
 mod start;
 pub mod stencil;
 pub mod surface;
+mod term;
 pub(crate) mod tree;
 
 pub use measure::PairForce;
 pub use start::Overlap;
+pub use term::ContactTerm;
 
 use candidates::{Candidates, Partners, Primitives};
 use closest::{Feature, Points, edge_edge, feature, point_edge, point_point, point_triangle};

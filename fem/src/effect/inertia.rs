@@ -1,5 +1,7 @@
 //! Inertia over one time step.
 
+use super::IslandTerm;
+
 /// Inertia of an island over a time step h by backward Euler: Π = Σ m |x − x̂|² / 2h² with x̂ = x₀ + h v₀, whose minimum together
 /// with the other effects has M (v − v₀) / h = f(x), v = (x − x₀) / h. First order in h; energy is lost, never created.
 ///
@@ -23,35 +25,46 @@ impl TimeStep {
         let flight = velocity.iter().map(|v| h * v).collect();
         TimeStep { stiffness, predicted: start.clone(), start, flight }
     }
+}
 
-    /// Flies the share `t` 0..=1 of the way: while the load is carried over, time goes with it.
-    pub fn set(&mut self, t: f64) {
-        for ((p, x), u) in self.predicted.iter_mut().zip(&self.start).zip(&self.flight) {
-            *p = x + t * u;
-        }
-    }
-
-    /// Π \[J\].
-    pub fn energy(&self, x: &[f64]) -> f64 {
+impl IslandTerm for TimeStep {
+    fn energy(&self, x: &[f64]) -> f64 {
         let terms = self.stiffness.iter().zip(x.iter().zip(&self.predicted));
         terms.map(|(k, (x, p))| 0.5 * k * (x - p) * (x - p)).sum()
     }
 
-    /// Adds ∂Π/∂x \[N\].
-    pub fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
+    fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
         for (i, g) in g.iter_mut().enumerate() {
             *g += self.stiffness[i] * (x[i] - self.predicted[i]);
         }
     }
 
-    /// Diagonal of ∂²Π/∂x∂x \[N/m\], which is all of it.
-    pub fn stiffness(&self) -> &[f64] {
-        &self.stiffness
+    /// Constant and diagonal.
+    fn hessian(&self, _x: &[f64], _convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
+        let diagonals = (0..).zip(self.stiffness.as_chunks::<3>().0);
+        let has_mass = diagonals.filter(|(_, k)| k.iter().any(|k| *k > 0.0));
+        has_mass.map(|(n, &[x, y, z])| ([n, n], [x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z])).collect()
     }
 
-    /// Norm \[N\] of the force that would stop all within the step.
-    pub fn scale(&self) -> f64 {
+    /// The force that would stop all within the step; supports carry none of it.
+    fn force_scale(&self, _x: &[f64], _total: &mut [f64]) -> f64 {
         let forces = self.stiffness.iter().zip(&self.flight).map(|(k, u)| k * u);
         forces.map(|f| f * f).sum::<f64>().sqrt()
+    }
+
+    /// While the load is carried over, time goes with it.
+    fn set_load(&mut self, t: f64) {
+        for ((p, x), u) in self.predicted.iter_mut().zip(&self.start).zip(&self.flight) {
+            *p = x + t * u;
+        }
+    }
+
+    fn holds_free_bodies(&self) -> bool {
+        true
+    }
+
+    /// What flies is not dragged along, and what is passed through on the way would be a tunnel.
+    fn may_be_carried(&self) -> bool {
+        false
     }
 }

@@ -8,6 +8,7 @@
 pub mod anchored;
 pub mod chain;
 pub mod inertia;
+pub mod island_term;
 pub mod line;
 pub mod load;
 pub mod membrane;
@@ -18,6 +19,7 @@ pub mod solid;
 pub use anchored::Anchored;
 pub use chain::Chains;
 pub use inertia::TimeStep;
+pub use island_term::IslandTerm;
 pub use line::Lines;
 pub use load::DeadLoad;
 pub use membrane::Membrane;

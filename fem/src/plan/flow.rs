@@ -6,7 +6,7 @@
 
 #![allow(non_snake_case)]
 
-use super::island::{Island, Load, Motion};
+use super::load::{Load, Motion};
 use crate::contact::tree::{Aabb, Tree};
 use crate::effect::NO_NODE;
 use nalgebra::{Point3, Vector3};
@@ -29,15 +29,20 @@ pub struct Flow {
 
 impl Flow {
     /// `None` where some nodes are prescribed in other ways than by bodies or as obstacles, or nothing is that can move.
-    pub fn new(island: &Island, free_nodes: &[u32]) -> Option<Flow> {
+    /// `X`: places in the mesh \[m\] of all nodes of the island, `motions` what they do, `acted_on` the nodes of its effects.
+    pub fn new(
+        X: &[f64],
+        motions: &[[Motion; 3]],
+        acted_on: impl Iterator<Item = u32>,
+        free_nodes: &[u32],
+    ) -> Option<Flow> {
         let mut bodies: Vec<Motion> = Vec::new();
         let mut tied: Vec<Vec<Vector3<f64>>> = Vec::new();
         let (mut obstacles, mut places) = (Vec::new(), Vec::new());
-        let mut acted_on = vec![false; island.motion.len()];
-        let all = island.effects.iter().flat_map(|e| e.nodes());
-        all.filter(|n| **n != NO_NODE).for_each(|&n| acted_on[n as usize] = true);
-        let place = |n: usize| Vector3::from_column_slice(&island.X[3 * n..3 * n + 3]);
-        for (n, motion) in island.motion.iter().enumerate() {
+        let mut is_acted_on = vec![false; motions.len()];
+        acted_on.filter(|n| *n != NO_NODE).for_each(|n| is_acted_on[n as usize] = true);
+        let place = |n: usize| Vector3::from_column_slice(&X[3 * n..3 * n + 3]);
+        for (n, motion) in motions.iter().enumerate() {
             let by_control = |m: &Motion| matches!(m, Motion::Control(..));
             match motion {
                 [Motion::Free, Motion::Free, Motion::Free] => {}
@@ -49,7 +54,7 @@ impl Flow {
                     });
                     tied[at].push(place(n));
                 }
-                m if !acted_on[n]
+                m if !is_acted_on[n]
                     && m.iter().any(by_control)
                     && m.iter().all(|m| by_control(m) || *m == Motion::Held) =>
                 {

@@ -2,8 +2,10 @@
 
 use super::SceneError;
 use super::error::nearest;
+use super::island::Island;
 use super::solids;
 use super::term::check;
+use crate::effect::{IslandTerm, TimeStep};
 use crate::mesh::Mesh;
 use crate::scene::{InertiaSpec, Scene};
 
@@ -14,6 +16,16 @@ pub struct Inertia {
     pub masses: Vec<f64>,
     /// Velocities at the start \[m/s\], 3 per node.
     pub velocities: Vec<f64>,
+}
+
+impl Inertia {
+    /// What it adds to the potential of an island over `h` \[s\] from the places `x` \[m\] and velocities `v` \[m/s\] of its local nodes.
+    pub fn over(&self, h: f64, island: &Island, x: &[f64], v: &[f64]) -> Box<dyn IslandTerm> {
+        let mass = island.nodes.iter().zip(&island.motion).flat_map(|(&n, motion)| {
+            motion.map(|c| if c.is_unknown() { self.masses[n as usize] } else { 0.0 })
+        });
+        Box::new(TimeStep::new(h, mass.collect(), x.to_vec(), v))
+    }
 }
 
 /// The inertia of a scene; `None` where it does not call for it.

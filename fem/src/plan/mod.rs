@@ -7,9 +7,12 @@ mod contact;
 mod embed;
 mod error;
 pub mod flow;
+mod followers;
 mod inertia;
 mod island;
 mod lines;
+mod load;
+mod loaded;
 mod motion;
 mod rim;
 mod slide;
@@ -21,7 +24,9 @@ mod warning;
 pub use contact::{ContactPlan, ContactSurface, Repair};
 pub use error::SceneError;
 pub use inertia::Inertia;
-pub use island::{Island, Load, LoadedIsland, Motion};
+pub use island::Island;
+pub use load::{Load, Motion};
+pub use loaded::LoadedIsland;
 pub use slide::Slide;
 pub use solids::Weights;
 pub use warning::Warning;
@@ -511,6 +516,6 @@ fn island(
         plan.part(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
     });
     let mut island = Island::new(name, nodes, X, effects, cells, motion, sliding, pivots.clone(), n_controls);
-    island.contact = contact;
+    island.contact = contact.map(Arc::new);
     Ok(island)
 }

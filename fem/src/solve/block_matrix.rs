@@ -244,6 +244,10 @@ impl Cross {
     }
 }
 
+fn add(to: &mut [f64; 9], from: &[f64; 9]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+}
+
 impl BlockMatrix {
     /// The zero matrix on a pattern.
     pub fn zeros(pattern: Arc<Pattern>) -> BlockMatrix {
@@ -277,9 +281,7 @@ impl BlockMatrix {
     pub fn add_block(&mut self, row: usize, column: usize, block: &[f64; 9]) {
         let at = self.pattern.row(row).binary_search(&(column as u32)).expect("block is in the pattern");
         let at = at + self.pattern.row_start[row];
-        for (to, from) in self.blocks[at].iter_mut().zip(block) {
-            *to += from;
-        }
+        add(&mut self.blocks[at], block);
     }
 
     /// Adds the symmetric matrices of equal groups: `fill(first, out)` overwrites the `3m × 3m` row-major matrices of
@@ -314,28 +316,39 @@ impl BlockMatrix {
         });
     }
 
-    /// Adds symmetric `blocks`, ascending by (row, column): those outside the pattern are kept apart, in the place of
-    /// any that were there.
+    /// Adds symmetric `blocks`, ascending by (row, column): those outside the pattern are kept apart.
     pub fn couple(&mut self, blocks: &[([u32; 2], [f64; 9])]) {
-        let mut cross = Cross::default();
+        let mut outside = Vec::new();
         for &([row, column], block) in blocks {
-            let (row, start) = (row as usize, self.pattern.row_start[row as usize]);
-            match self.pattern.row(row).binary_search(&column) {
-                Ok(at) => {
-                    for (to, from) in self.blocks[start + at].iter_mut().zip(block) {
-                        *to += from;
-                    }
-                }
-                Err(_) => {
-                    cross.row_start.resize(row + 1, cross.column.len());
-                    cross.column.push(column);
-                    cross.blocks.push(block);
-                }
+            let start = self.pattern.row_start[row as usize];
+            match self.pattern.row(row as usize).binary_search(&column) {
+                Ok(at) => add(&mut self.blocks[start + at], &block),
+                Err(_) => outside.push(([row, column], block)),
             }
         }
-        if !cross.column.is_empty() {
-            cross.row_start.resize(self.pattern.n_nodes() + 1, cross.column.len());
+        if outside.is_empty() {
+            return;
         }
+        let known = (0..self.pattern.n_nodes()).flat_map(|row| {
+            let cross = &self.cross;
+            cross.row(row).map(move |at| ([row as u32, cross.column[at]], cross.blocks[at]))
+        });
+        let mut all: Vec<([u32; 2], [f64; 9])> = known.chain(outside).collect();
+        all.sort_by_key(|block| block.0);
+        all.dedup_by(|from, to| {
+            let same = from.0 == to.0;
+            if same {
+                add(&mut to.1, &from.1);
+            }
+            same
+        });
+        let mut cross = Cross::default();
+        for ([row, column], block) in all {
+            cross.row_start.resize(row as usize + 1, cross.column.len());
+            cross.column.push(column);
+            cross.blocks.push(block);
+        }
+        cross.row_start.resize(self.pattern.n_nodes() + 1, cross.column.len());
         self.cross = cross;
     }
 

@@ -248,7 +248,7 @@ impl Solver {
             let mut k = BlockMatrix::zeros(pattern.clone());
             potential.hessian(x, 0.0, &mut k);
             let parts = free_parts(&k, potential.fixed(), x);
-            if !parts.is_empty() && potential.touching(x).is_empty() && !potential.has_inertia() {
+            if !parts.is_empty() && potential.touching(x).is_empty() && !potential.holds_free_bodies() {
                 self.kept = None;
                 return Err(SolveError::Unsupported { island: self.name.clone(), parts });
             }

@@ -1,0 +1,95 @@
+//! Contact as a part of the potential of an island on its way.
+
+use super::Contact;
+use crate::effect::IslandTerm;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// Contact, softened or not; what it takes is counted.
+pub struct ContactTerm {
+    contact: Arc<Contact>,
+    /// Share of the activation distance below which it is softened; 0: nowhere.
+    floor: f64,
+    /// Time spent in it \[ns\].
+    spent: AtomicU64,
+}
+
+impl ContactTerm {
+    /// Contact as it is.
+    pub fn new(contact: Arc<Contact>) -> ContactTerm {
+        ContactTerm { contact, floor: 0.0, spent: AtomicU64::new(0) }
+    }
+
+    /// What `of` says of it; the time of that counts.
+    fn timed<T>(&self, of: impl FnOnce(&Contact) -> T) -> T {
+        let start = Instant::now();
+        let answer = of(&self.contact);
+        self.spent.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        answer
+    }
+}
+
+impl IslandTerm for ContactTerm {
+    fn energy(&self, x: &[f64]) -> f64 {
+        self.timed(|contact| contact.energy(x, self.floor))
+    }
+
+    fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
+        self.timed(|contact| contact.add_gradient(x, self.floor, g));
+    }
+
+    fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
+        self.timed(|contact| contact.hessian(x, self.floor, convexity))
+    }
+
+    fn force_scale(&self, x: &[f64], total: &mut [f64]) -> f64 {
+        let mut g = vec![0.0; x.len()];
+        self.add_gradient(x, &mut g);
+        total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
+        g.iter().map(|v| v * v).sum::<f64>().sqrt()
+    }
+
+    fn energy_jumps(&self) -> bool {
+        self.floor > 0.0
+    }
+
+    fn keeps_apart(&self) -> bool {
+        true
+    }
+
+    fn free_share(&self, from: &[f64], to: &[f64]) -> f64 {
+        self.timed(|contact| match self.floor {
+            0.0 => contact.share(from, to),
+            floor => contact.soft_share(from, to, floor),
+        })
+    }
+
+    fn longest_step(&self) -> f64 {
+        match self.floor {
+            0.0 => f64::INFINITY,
+            _ => self.timed(Contact::longest_soft_step),
+        }
+    }
+
+    fn can_soften(&self) -> bool {
+        self.contact.can_soften()
+    }
+
+    fn soften(&mut self, floor: f64) {
+        self.floor = floor;
+    }
+
+    fn meets(&self, x: &[f64]) -> bool {
+        self.energy(x) > 0.0
+    }
+
+    fn part(&self, x: &mut Vec<f64>, floor: f64, moves: &dyn Fn(u32) -> bool) -> bool {
+        let parted = self.timed(|contact| contact.parted(x, floor, moves));
+        parted.map(|parted| *x = parted).is_some()
+    }
+
+    fn seconds(&self) -> f64 {
+        1e-9 * self.spent.load(Ordering::Relaxed) as f64
+    }
+}

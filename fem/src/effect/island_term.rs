@@ -1,0 +1,74 @@
+//! Parts of the potential that belong to an island as a whole and go along with its load, as contact and inertia do.
+
+/// A part of the potential of an island over its local nodes; places `x` \[m\], 3 per node, prescribed ones included. An [`Effect`](super::Effect)
+/// is a sum over groups that never change; what is not, or has a state that goes with the load, is one of these.
+pub trait IslandTerm: Send + Sync {
+    /// Π \[J\].
+    fn energy(&self, x: &[f64]) -> f64;
+
+    /// Adds ∂Π/∂x \[N\].
+    fn add_gradient(&self, x: &[f64], g: &mut [f64]);
+
+    /// ∂²Π/∂x∂x \[N/m\] as row-major blocks between local nodes, both triangles, ascending by (row, column); less the share `convexity` 0..=1
+    /// of the negative curvatures, with 1 positive semi-definite.
+    fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])>;
+
+    /// Norm \[N\] of its forces in play; adds to `total` those that supports may have to carry.
+    fn force_scale(&self, x: &[f64], total: &mut [f64]) -> f64;
+
+    /// Whether Π jumps somewhere, so that a line search may have to go past that.
+    fn energy_jumps(&self) -> bool {
+        false
+    }
+
+    /// Goes with the load to the share `t` 0..=1 of its way.
+    fn set_load(&mut self, _t: f64) {}
+
+    /// Whether bodies that nothing holds are held by it.
+    fn holds_free_bodies(&self) -> bool {
+        false
+    }
+
+    /// Whether bodies may drag the free nodes along, through others too, to a first guess.
+    fn may_be_carried(&self) -> bool {
+        true
+    }
+
+    /// Whether there are places that may not be passed through.
+    fn keeps_apart(&self) -> bool {
+        false
+    }
+
+    /// Greatest share 0..=1 of the straight way from the places `from` to `to` that it admits.
+    fn free_share(&self, _from: &[f64], _to: &[f64]) -> f64 {
+        1.0
+    }
+
+    /// How far a node may go in one step \[m\].
+    fn longest_step(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Whether it can be softened, so that what it keeps apart may be passed through on the way to a guess.
+    fn can_soften(&self) -> bool {
+        false
+    }
+
+    /// Softens it below the share `floor` of the distance at which it begins; 0: it is itself again.
+    fn soften(&mut self, _floor: f64) {}
+
+    /// Whether anything that is kept apart is close or overlaps.
+    fn meets(&self, _x: &[f64]) -> bool {
+        false
+    }
+
+    /// Moves nodes at `x` for which `moves` is true until all is apart by the share `floor` of that distance; returns whether it is.
+    fn part(&self, _x: &mut Vec<f64>, _floor: f64, _moves: &dyn Fn(u32) -> bool) -> bool {
+        true
+    }
+
+    /// Seconds spent so far in what keeps surfaces apart.
+    fn seconds(&self) -> f64 {
+        0.0
+    }
+}

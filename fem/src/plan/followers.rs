@@ -1,0 +1,182 @@
+//! Nodes that take over from others or slide in directions that are no axes: which unknowns move them, and how forces and blocks on them go
+//! to these unknowns.
+
+#![allow(non_snake_case)]
+
+use super::island::Island;
+use super::load::Motion;
+use super::slide::Slide;
+use crate::effect::NO_NODE;
+use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
+
+/// A group with followers: its nodes with their masters, and which rows move onto which.
+pub(super) struct TiedGroup {
+    pub(super) effect: usize,
+    pub(super) group: usize,
+    /// Local nodes, those of the group first.
+    pub(super) nodes: Vec<u32>,
+    /// (row of the follower, row of its master), 3 per node.
+    pub(super) moves: Vec<(usize, usize)>,
+    /// Places among `nodes` of those that slide, and of those that they follow.
+    pub(super) slides: Vec<(usize, Option<usize>)>,
+}
+
+/// The group `members` of an effect with whom its nodes follow.
+pub(super) fn tied_group(
+    effect: usize,
+    group: usize,
+    members: &[u32],
+    motion: &[[Motion; 3]],
+    slides: &BTreeMap<u32, Slide>,
+) -> TiedGroup {
+    let mut nodes = members.to_vec();
+    let mut moves = Vec::new();
+    for (p, &n) in members.iter().enumerate().filter(|(_, n)| **n != NO_NODE) {
+        for c in 0..3 {
+            if let Motion::Follows(master) = motion[n as usize][c] {
+                let q = nodes.iter().position(|&m| m == master).unwrap_or_else(|| {
+                    nodes.push(master);
+                    nodes.len() - 1
+                });
+                moves.push((3 * p + c, 3 * q + c));
+            }
+        }
+    }
+    let mut sliding = Vec::new();
+    for p in 0..nodes.len() {
+        if let Some(slide) = slides.get(&nodes[p]) {
+            let leader = slide.follows.map(|(leader, ..)| {
+                nodes.iter().position(|&m| m == leader).unwrap_or_else(|| {
+                    nodes.push(leader);
+                    nodes.len() - 1
+                })
+            });
+            sliding.push((p, leader));
+        }
+    }
+    TiedGroup { effect, group, nodes, moves, slides: sliding }
+}
+
+impl Island {
+    /// The free node that a local node is.
+    pub(super) fn free_index(&self, local: u32) -> Option<usize> {
+        if local == NO_NODE {
+            return None;
+        }
+        self.free_nodes.binary_search(&local).ok()
+    }
+
+    /// The unknown that a component of a local node moves with: its free node and component; none where prescribed.
+    fn unknown(&self, node: u32, c: usize) -> Option<(u32, usize)> {
+        let owner = match self.motion[node as usize][c] {
+            Motion::Free | Motion::Slides(_) => node,
+            Motion::Follows(master) => master,
+            _ => return None,
+        };
+        self.free_index(owner).map(|free| (free as u32, c))
+    }
+
+    /// The free nodes whose unknowns move a local node, with the matrices T of u = Σ T ũ.
+    fn movers(&self, node: u32) -> Vec<(u32, Matrix3<f64>)> {
+        if let Some(slide) = self.slides.get(&node) {
+            let own = self.free_index(node).map(|free| (free as u32, slide.free));
+            let leader =
+                slide.follows.and_then(|(m, n, w)| Some((self.free_index(m)? as u32, w * n.transpose())));
+            return own.into_iter().chain(leader).collect();
+        }
+        let single = |c: usize| {
+            let mut T = Matrix3::zeros();
+            T[(c, c)] = 1.0;
+            self.unknown(node, c).map(|(free, _)| (free, T))
+        };
+        (0..3).filter_map(single).collect()
+    }
+
+    /// Moves blocks between local nodes onto their unknowns; ascending by (row, column).
+    pub(super) fn onto_unknowns(&self, blocks: Vec<([u32; 2], [f64; 9])>) -> Vec<([u32; 2], [f64; 9])> {
+        let mut out: Vec<([u32; 2], [f64; 9])> = Vec::with_capacity(blocks.len());
+        for ([i, j], block) in blocks {
+            if [i, j].iter().all(|&n| self.is_free(n)) {
+                let free = |n| self.free_index(n).expect("a free node") as u32;
+                out.push(([free(i), free(j)], block));
+                continue;
+            }
+            if [i, j].iter().any(|n| self.slides.contains_key(n)) {
+                let B = Matrix3::from_row_slice(&block);
+                for (row, Ti) in self.movers(i) {
+                    for (column, Tj) in self.movers(j) {
+                        let moved = Ti.transpose() * B * Tj;
+                        out.push(([row, column], std::array::from_fn(|e| moved[(e / 3, e % 3)])));
+                    }
+                }
+                continue;
+            }
+            for e in 0..9 {
+                if let (Some((row, r)), Some((column, c))) = (self.unknown(i, e / 3), self.unknown(j, e % 3))
+                {
+                    let mut single = [0.0; 9];
+                    single[3 * r + c] = block[e];
+                    out.push(([row, column], single));
+                }
+            }
+        }
+        out.sort_by_key(|b| b.0);
+        out.dedup_by(|from, to| {
+            let same = from.0 == to.0;
+            if same {
+                to.1.iter_mut().zip(&from.1).for_each(|(to, from)| *to += from);
+            }
+            same
+        });
+        out
+    }
+
+    /// Adds forces \[N\] on all local nodes to those on the unknowns that move them.
+    pub(super) fn add_onto_unknowns(&self, forces: &[f64], g: &mut [f64]) {
+        for (&n, slide) in &self.slides {
+            let mut f: Vec<f64> = forces[3 * n as usize..3 * n as usize + 3].to_vec();
+            f.resize(6, 0.0);
+            slide.redistribute(&mut f, |i| i, 0, Some(1));
+            let leader = slide.follows.and_then(|(m, ..)| self.free_index(m));
+            for (free, f) in [(self.free_index(n), &f[..3]), (leader, &f[3..])] {
+                if let Some(free) = free {
+                    (0..3).for_each(|c| g[3 * free + c] += f[c]);
+                }
+            }
+        }
+        for (i, force) in forces.iter().enumerate().filter(|(_, f)| **f != 0.0) {
+            if self.slides.contains_key(&((i / 3) as u32)) {
+                continue;
+            }
+            if let Some((free, c)) = self.unknown((i / 3) as u32, i % 3) {
+                g[3 * free as usize + c] += force;
+            }
+        }
+    }
+
+    /// Moves nodes that slide in `x` \[m\] to where the controls and their own ways take them, followers to where their masters want them.
+    pub(super) fn follow(&self, controls: &[f64], x: &mut [f64]) {
+        for (&n, slide) in &self.slides {
+            let i = 3 * n as usize;
+            let X = Vector3::from_column_slice(&self.X[i..i + 3]);
+            let own = slide.free * (Vector3::from_column_slice(&x[i..i + 3]) - X);
+            x[i..i + 3].copy_from_slice((X + own + slide.prescribed(controls)).as_slice());
+        }
+        for (&n, slide) in &self.slides {
+            if let Some((m, normal, w)) = slide.follows {
+                let m = 3 * m as usize;
+                let along: f64 = (0..3).map(|c| normal[c] * (x[m + c] - self.X[m + c])).sum();
+                (0..3).for_each(|c| x[3 * n as usize + c] += w[c] * along);
+            }
+        }
+        for &n in &self.free_nodes {
+            for c in 0..3 {
+                if let Motion::Follows(master) = self.motion[n as usize][c] {
+                    let (i, m) = (3 * n as usize + c, 3 * master as usize + c);
+                    x[i] = self.X[i] + (x[m] - self.X[m]);
+                }
+            }
+        }
+    }
+}

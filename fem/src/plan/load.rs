@@ -1,0 +1,75 @@
+//! What is prescribed: how each component of a node moves, and the controls and poses that move it.
+
+#![allow(non_snake_case)]
+
+use super::slide::Slide;
+use crate::body::{Pose, interpolate};
+
+/// What one component of a node does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// It is an unknown.
+    Free,
+    /// It stays where it is in the mesh.
+    Held,
+    /// It is displaced by the value of a control times a length \[m\].
+    Control(usize, f64),
+    /// It moves with a body.
+    Body(usize),
+    /// Its displacement is that of the same component of a node.
+    Follows(u32),
+    /// It moves with its node, which slides in directions that are no axes: index into [`Plan::slides`](super::Plan::slides).
+    Slides(u32),
+}
+
+impl Motion {
+    /// Whether it is not prescribed altogether.
+    pub fn is_unknown(&self) -> bool {
+        matches!(self, Motion::Free | Motion::Follows(_) | Motion::Slides(_))
+    }
+
+    /// The node whose displacement it takes over.
+    pub(super) fn leader(&self, slides: &[Slide]) -> Option<u32> {
+        match self {
+            Motion::Follows(leader) => Some(*leader),
+            Motion::Slides(of) => slides[*of as usize].follows.map(|(leader, ..)| leader),
+            _ => None,
+        }
+    }
+}
+
+/// Values of the controls and poses of the bodies at one time, in the order of the plan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Controls.
+    pub controls: Vec<f64>,
+    /// Poses.
+    pub poses: Vec<Pose>,
+}
+
+impl Load {
+    /// Sets what is prescribed of the place `x` \[m\] of a node that is at `X` \[m\] in the mesh.
+    pub fn prescribe(&self, motion: &[Motion; 3], X: &[f64; 3], x: &mut [f64; 3]) {
+        for c in 0..3 {
+            match motion[c] {
+                Motion::Free | Motion::Follows(_) | Motion::Slides(_) => {}
+                Motion::Held => x[c] = X[c],
+                Motion::Control(control, u) => x[c] = X[c] + self.controls[control] * u,
+                Motion::Body(b) => x[c] = (self.poses[b] * nalgebra::Point3::from(*X))[c],
+            }
+        }
+    }
+
+    /// The load a share `t` of the way to `end`; bodies turn about `pivots` \[m\] of the mesh.
+    pub fn towards(&self, end: &Load, pivots: &[[f64; 3]], t: f64) -> Load {
+        // Both ends exactly: frames of a run meet there.
+        if t == 0.0 || t == 1.0 {
+            return if t == 0.0 { self.clone() } else { end.clone() };
+        }
+        let pose = |i: usize| interpolate(&self.poses[i], &end.poses[i], pivots[i].into(), t);
+        Load {
+            controls: self.controls.iter().zip(&end.controls).map(|(a, b)| a + t * (b - a)).collect(),
+            poses: (0..self.poses.len()).map(pose).collect(),
+        }
+    }
+}

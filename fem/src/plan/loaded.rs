@@ -1,0 +1,361 @@
+//! An island under a load: what the solver minimizes.
+//!
+//! It is a sum of effects over groups of nodes and of terms of the whole island; of neither it knows what kind they are.
+
+#![allow(non_snake_case)]
+
+use super::flow::Flow;
+use super::island::{FORCE_BATCH, Island, STIFFNESS_BATCH};
+use super::load::{Load, Motion};
+use super::slide::Slide;
+use crate::contact::ContactTerm;
+use crate::effect::{Anchored, Effect, IslandTerm, Part, State};
+use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
+use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
+
+/// An island under a load: what the solver minimizes.
+pub struct LoadedIsland {
+    island: Arc<Island>,
+    start: Load,
+    end: Load,
+    load: Load,
+    /// All local nodes; free components are stale.
+    x: Vec<f64>,
+    /// Where all local nodes were when loads without potential were last looked at; empty where there are none.
+    anchor: Vec<f64>,
+    /// What belongs to the island as a whole.
+    terms: Vec<Box<dyn IslandTerm>>,
+}
+
+impl LoadedIsland {
+    /// The island on its way from `start` to `end`.
+    pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
+        let mut x = island.X.clone();
+        island.prescribe(&start, &mut x);
+        let load = start.clone();
+        let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
+        let contact = island.contact.iter().cloned();
+        let terms = contact.map(|contact| Box::new(ContactTerm::new(contact)) as Box<dyn IslandTerm>);
+        let terms = terms.collect();
+        LoadedIsland { island, load, start, end, x, anchor, terms }
+    }
+
+    /// The same with one more term.
+    pub fn with(mut self, term: Box<dyn IslandTerm>) -> LoadedIsland {
+        self.terms.push(term);
+        self
+    }
+
+    /// What `of` says of an effect as the solver sees it.
+    fn effect<T>(&self, effect: usize, of: impl FnOnce(&dyn Effect) -> T) -> T {
+        let effect = self.island.effects[effect].as_ref();
+        match effect.has_potential() {
+            true => of(effect),
+            false => of(&Anchored { effect, anchor: &self.anchor }),
+        }
+    }
+
+    /// Positions \[m\] of all local nodes.
+    pub fn expand(&self, free: &[f64]) -> Vec<f64> {
+        let mut x = self.x.clone();
+        for (&n, p) in self.island.free_nodes.iter().zip(free.chunks_exact(3)) {
+            for c in 0..3 {
+                if matches!(self.island.motion[n as usize][c], Motion::Free | Motion::Slides(_)) {
+                    x[3 * n as usize + c] = p[c];
+                }
+            }
+        }
+        self.island.follow(&self.load.controls, &mut x);
+        x
+    }
+}
+
+impl Potential for LoadedIsland {
+    fn pattern(&self) -> &Arc<Pattern> {
+        &self.island.pattern
+    }
+
+    fn fixed(&self) -> &[bool] {
+        &self.island.fixed
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        let energy: f64 = (0..self.island.effects.len()).map(|e| self.effect(e, |e| e.energy(&s))).sum();
+        self.terms.iter().fold(energy, |sum, term| sum + term.energy(&x))
+    }
+
+    fn energy_jumps(&self) -> bool {
+        self.terms.iter().any(|term| term.energy_jumps())
+    }
+
+    fn gradient(&self, x: &[f64], g: &mut [f64]) {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        g.fill(0.0);
+        for (e, slots) in island.slots.iter().enumerate() {
+            self.effect(e, |effect| {
+                slots.add_vectors(g, FORCE_BATCH, |first, out| effect.forces(&s, first, out));
+            });
+        }
+        let mut f = Vec::new();
+        for t in &island.tied {
+            let effect = &island.effects[t.effect];
+            f.clear();
+            f.resize(3 * effect.nodes_per_group(), 0.0);
+            self.effect(t.effect, |effect| effect.forces(&s, t.group, &mut f));
+            f.resize(3 * t.nodes.len(), 0.0);
+            for &(from, to) in &t.moves {
+                f[to] += f[from];
+                f[from] = 0.0;
+            }
+            for &(p, leader) in &t.slides {
+                island.slides[&t.nodes[p]].redistribute(&mut f, |i| i, p, leader);
+            }
+            for (&n, f) in t.nodes.iter().zip(f.chunks_exact(3)) {
+                if let Some(free) = island.free_index(n) {
+                    for c in 0..3 {
+                        g[3 * free + c] += f[c];
+                    }
+                }
+            }
+        }
+        for term in &self.terms {
+            let mut forces = vec![0.0; x.len()];
+            term.add_gradient(&x, &mut forces);
+            island.add_onto_unknowns(&forces, g);
+        }
+    }
+
+    fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix) {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        k.clear();
+        for (e, slots) in island.slots.iter().enumerate() {
+            self.effect(e, |effect| {
+                if !effect.is_linear() {
+                    k.add_groups(slots, STIFFNESS_BATCH, |first, out| {
+                        effect.stiffness(&s, convexity, first, out)
+                    });
+                }
+            });
+        }
+        for t in &island.tied {
+            let effect = &island.effects[t.effect];
+            if effect.is_linear() {
+                continue;
+            }
+            let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
+            let mut small = vec![0.0; m * m];
+            self.effect(t.effect, |effect| effect.stiffness(&s, convexity, t.group, &mut small));
+            let mut full = vec![0.0; n * n];
+            for r in 0..m {
+                full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
+            }
+            for &(from, to) in &t.moves {
+                for c in 0..n {
+                    full[to * n + c] += std::mem::take(&mut full[from * n + c]);
+                }
+                for r in 0..n {
+                    full[r * n + to] += std::mem::take(&mut full[r * n + from]);
+                }
+            }
+            for &(p, leader) in &t.slides {
+                let slide = &island.slides[&t.nodes[p]];
+                let stiffness = (0..3).map(|c| full[(3 * p + c) * (n + 1)].abs()).sum::<f64>() / 3.0;
+                for c in 0..n {
+                    slide.redistribute(&mut full, |r| r * n + c, p, leader);
+                }
+                for r in 0..n {
+                    slide.redistribute(&mut full, |c| r * n + c, p, leader);
+                }
+                let spring = (Matrix3::identity() - slide.free) * stiffness;
+                for e in 0..9 {
+                    full[(3 * p + e / 3) * n + 3 * p + e % 3] += spring[(e / 3, e % 3)];
+                }
+            }
+            for (a, &na) in t.nodes.iter().enumerate() {
+                for (b, &nb) in t.nodes.iter().enumerate() {
+                    if let (Some(row), Some(column)) = (island.free_index(na), island.free_index(nb)) {
+                        let block = std::array::from_fn(|e| full[(3 * a + e / 3) * n + 3 * b + e % 3]);
+                        k.add_block(row, column, &block);
+                    }
+                }
+            }
+        }
+        for term in &self.terms {
+            k.couple(&island.onto_unknowns(term.hessian(&x, convexity)));
+        }
+    }
+
+    /// The largest of the reactions of what is prescribed (the internal forces there), the forces of any single fibre or membrane effect, of
+    /// a load on what is free, or of a term of the whole island, and those of a strain of one millionth. What a load puts on supports says nothing
+    /// of the forces inside, and the opening of a pressure puts on its rim what no pressure does.
+    fn force_scale(&self, x: &[f64]) -> f64 {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        let norm = |g: &[f64]| g.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let mut total = vec![0.0; x.len()];
+        let mut scale = island.least_scale;
+        for (e, effect) in island.effects.iter().enumerate() {
+            let mut g = island.effect_gradient(e, &s);
+            if effect.part() == Part::Load {
+                let motions = island.motion.iter().flatten();
+                g.iter_mut().zip(motions).filter(|(_, m)| !m.is_unknown()).for_each(|(g, _)| *g = 0.0);
+            }
+            if effect.part() != Part::Matrix {
+                scale = scale.max(norm(&g));
+            }
+            total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
+        }
+        scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
+        for (n, motion) in island.motion.iter().enumerate() {
+            for c in (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_))) {
+                total[3 * n + c] = 0.0;
+            }
+        }
+        for (&n, slide) in &island.slides {
+            let i = 3 * n as usize;
+            let reaction = slide.reaction(Vector3::from_column_slice(&total[i..i + 3]));
+            total[i..i + 3].copy_from_slice(reaction.as_slice());
+        }
+        scale.max(norm(&total))
+    }
+
+    fn holds_free_bodies(&self) -> bool {
+        self.terms.iter().any(|term| term.holds_free_bodies())
+    }
+
+    fn node_name(&self, free_node: usize) -> String {
+        let node = self.island.nodes[self.island.free_nodes[free_node] as usize];
+        format!("node {node} of `{}`", self.island.name)
+    }
+}
+
+impl Admissible for LoadedIsland {
+    fn least_det_f(&self, x: &[f64]) -> (f64, String) {
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        let mut worst = (f64::INFINITY, "no element".to_string());
+        for (effect, cells) in self.island.effects.iter().zip(&self.island.cells) {
+            if let Some((det, group)) = effect.least_det_f(&s)
+                && (det < worst.0 || det.is_nan())
+            {
+                worst = (det, format!("element {} in `{}`", cells[group], effect.name()));
+            }
+        }
+        worst
+    }
+
+    fn touching(&self, x: &[f64]) -> Vec<f64> {
+        match self.terms.iter().any(|term| term.keeps_apart()) {
+            true => self.expand(x),
+            false => Vec::new(),
+        }
+    }
+
+    fn longest_step(&self) -> f64 {
+        self.terms.iter().map(|term| term.longest_step()).fold(f64::INFINITY, f64::min)
+    }
+
+    fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
+        if self.terms.is_empty() {
+            return 1.0;
+        }
+        let to = self.expand(x);
+        self.terms.iter().map(|term| term.free_share(from, &to)).fold(1.0, f64::min)
+    }
+
+    fn contact_seconds(&self) -> f64 {
+        self.terms.iter().map(|term| term.seconds()).sum()
+    }
+}
+
+impl LoadedIsland {
+    fn flow(&self) -> Option<&Flow> {
+        let island = &self.island;
+        let acted_on = || island.effects.iter().flat_map(|e| e.nodes()).copied();
+        island
+            .flow
+            .get_or_init(|| Flow::new(&island.X, &island.motion, acted_on(), &island.free_nodes))
+            .as_ref()
+    }
+
+    fn load_at(&self, t: f64) -> Load {
+        self.start.towards(&self.end, &self.island.pivots, t)
+    }
+}
+
+impl Loading for LoadedIsland {
+    fn set_load(&mut self, t: f64, x: &mut [f64]) {
+        self.load = self.load_at(t);
+        self.terms.iter_mut().for_each(|term| term.set_load(t));
+        self.island.prescribe(&self.load, &mut self.x);
+        let full = self.expand(x);
+        self.island.take_free(&full, x);
+        if !self.anchor.is_empty() {
+            self.anchor = full;
+        }
+    }
+
+    fn renew(&mut self, x: &[f64]) -> bool {
+        if self.anchor.is_empty() {
+            return false;
+        }
+        self.anchor = self.expand(x);
+        true
+    }
+
+    fn displaces(&self, t: f64) -> bool {
+        let to = self.load_at(t);
+        let by_control =
+            |m: &Motion| matches!(m, Motion::Control(c, _) if self.load.controls[*c] != to.controls[*c]);
+        let slides = |s: &Slide| s.by.iter().any(|(c, _)| self.load.controls[*c] != to.controls[*c]);
+        self.load.poses != to.poses
+            || self.island.motion.iter().flatten().any(by_control)
+            || self.island.slides.values().any(slides)
+    }
+
+    fn n_pieces(&self, t: f64) -> usize {
+        match self.displaces(t) && self.terms.iter().all(|term| term.may_be_carried()) {
+            false => 0,
+            true => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
+        }
+    }
+
+    fn soften(&mut self, floor: f64) -> bool {
+        let can = self.terms.iter().all(|term| term.may_be_carried())
+            && self.terms.iter().any(|term| term.can_soften());
+        let floor = if can { floor } else { 0.0 };
+        self.terms.iter_mut().filter(|term| term.can_soften()).for_each(|term| term.soften(floor));
+        can
+    }
+
+    fn meets(&self, x: &[f64]) -> bool {
+        let x = self.expand(x);
+        self.terms.iter().any(|term| term.meets(&x))
+    }
+
+    fn part(&self, x: &mut [f64], floor: f64) -> bool {
+        let mut places = self.expand(x);
+        let is_free = |n| self.island.is_free(n);
+        if !self.terms.iter().all(|term| term.part(&mut places, floor, &is_free)) {
+            return false;
+        }
+        self.island.take_free(&places, x);
+        true
+    }
+
+    fn carry(&mut self, t: f64, x: &mut [f64]) {
+        let to = self.load_at(t);
+        if let Some(flow) = self.flow() {
+            flow.carry(&self.load, &to, x);
+        }
+        self.set_load(t, x);
+    }
+}
