@@ -29,6 +29,7 @@ pub use load::{Load, Motion};
 pub use loaded::LoadedIsland;
 pub use slide::Slide;
 pub use solids::Weights;
+pub use term::{Builder, Names, Term};
 pub use warning::Warning;
 
 use crate::effect::{DeadLoad, Effect, NO_NODE};
@@ -38,7 +39,6 @@ use embed::Embedding;
 use error::{Mistakes, nearest};
 use std::path::Path;
 use std::sync::Arc;
-use term::{Names, Term};
 
 /// What will be computed.
 pub struct Plan {
@@ -78,7 +78,16 @@ pub struct Plan {
 
 impl Plan {
     /// Compiles a scene over a mesh \[m\]. Of every part of the scene the first mistake is named, all in one error.
-    pub fn new(scene: &Scene, mut mesh: Mesh) -> Result<Plan, SceneError> {
+    pub fn new(scene: &Scene, mesh: Mesh) -> Result<Plan, SceneError> {
+        Plan::with_terms(scene, mesh, &|_, _| Ok(Vec::new()))
+    }
+
+    /// The same with terms of the caller's own, which may number controls and bodies; no file of this crate has to know them.
+    pub fn with_terms(
+        scene: &Scene,
+        mut mesh: Mesh,
+        own: &dyn Fn(&Mesh, &mut Names) -> Result<Vec<Term>, SceneError>,
+    ) -> Result<Plan, SceneError> {
         mesh.check()?;
         let mut warnings = warning::of_mesh(scene, &mesh);
         let mut mistakes = Mistakes::default();
@@ -92,6 +101,7 @@ impl Plan {
             &mesh,
             motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())),
             &weights,
+            own,
             &mut names,
             &mut mistakes,
         );
@@ -287,6 +297,7 @@ fn terms(
     mesh: &Mesh,
     motion: Option<(&[[Motion; 3]], &[Slide])>,
     weights: &[Weights],
+    own: &dyn Fn(&Mesh, &mut Names) -> Result<Vec<Term>, SceneError>,
     names: &mut Names,
     mistakes: &mut Mistakes,
 ) -> Vec<Term> {
@@ -333,6 +344,7 @@ fn terms(
             terms.push(dead_load(&spec.name, control, spec.loads.clone()));
         }
     }
+    terms.extend(mistakes.keep(own(mesh, names)).into_iter().flatten());
     for (i, t) in terms.iter().enumerate() {
         if terms[..i].iter().any(|o| o.name == t.name) {
             mistakes.add(SceneError::Twice { what: "effect", name: t.name.clone() });

@@ -6,7 +6,7 @@ use crate::effect::Effect;
 use crate::mesh::{CellBlock, Mesh};
 use nalgebra::Vector3;
 
-/// Makes the effect of some groups of a term: (name, points \[m\] of the island, nodes of the groups in the island's
+/// Makes the effect of some groups of a [`Term`]: (name, points \[m\] of the island, nodes of the groups in the island's
 /// numbering, indices of the groups).
 pub type Builder = Box<dyn Fn(&str, &[[f64; 3]], &[u32], &[u32]) -> Result<Box<dyn Effect>, SceneError>>;
 
