@@ -11,7 +11,8 @@ use fem::solve::{Settings, SolveError};
 use crate::alone::calibrate_each;
 use crate::cache::Cache;
 use crate::section::belly_force;
-use crate::thigh::build::{FIBRE_YOUNG, Thigh, ThighMuscle};
+use crate::thigh::build::{Thigh, ThighMuscle};
+use crate::thigh::tissue::FIBRE_YOUNG;
 
 /// Samples of a curve at most.
 const MOST_ROUNDS: usize = 16;

@@ -25,8 +25,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::number::short;
-use crate::thigh::build::{MATRIX, SHELL_SHEAR, SHELL_THICKNESS, TENDON_MODULUS, TENDON_SECTION, Thigh};
+use crate::thigh::build::Thigh;
 use crate::thigh::tendons::{QUADRICEPS_TENDON, regions};
+use crate::thigh::tissue::{MATRIX, SHELL_SHEAR, SHELL_THICKNESS, TENDON_MODULUS, TENDON_SECTION};
 
 /// Bulk over shear modulus: below, a muscle is no longer nearly incompressible; above, round-off eats the digits of the volume.
 const BULK_OVER_SHEAR: RangeInclusive<f64> = 5.0..=5000.0;

@@ -9,31 +9,17 @@ use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
 use fem::mesh::muscle::{Bone, MuscleBlock, to_mesh};
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{
-    ContactSpec, Course, FibreLawSpec, FibreSpec, LawSpec, MembraneLawSpec, MembraneSpec, Scene, SolidSpec,
+    ContactSpec, Course, FibreLawSpec, FibreSpec, MembraneLawSpec, MembraneSpec, Scene, SolidSpec,
     StrandSpec, TieSpec,
 };
 use nalgebra::Vector3;
 
 use super::tendons::{LEAST_SHAPE, TOE, Tendon, add_patellar_ligament, add_tendons, is_seam, regions};
+use super::tissue::{
+    END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX, SHELL_SHEAR, SHELL_THICKNESS, TENDON_MODULUS,
+    TENDON_SECTION,
+};
 
-/// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa (`literature.md`, 1.2), and the
-/// Poisson's ratio that is near-incompressible enough (`feasibility.md`).
-pub const MATRIX: LawSpec = LawSpec::MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 };
-/// Young's modulus of the fibres \[Pa\] (`literature.md`, 1.2).
-pub const FIBRE_YOUNG: f64 = 1e6;
-/// Strain over which the tension of a fibre sets in.
-pub(super) const FIBRE_TOE: f64 = 0.05;
-/// Thickness of the shell around a muscle \[m\]; the study does not state one.
-pub const SHELL_THICKNESS: f64 = 0.5e-3;
-/// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
-pub const SHELL_SHEAR: f64 = 7.5e3;
-/// The end layers are this many times stiffer, fading over three layers (`mesh-notes.md`).
-pub(super) const END_STIFFNESS: f64 = 40.0;
-pub(super) const END_LAYERS: usize = 3;
-/// Young's modulus of a tendon of strands \[Pa\] (Zajac 1989).
-pub const TENDON_MODULUS: f64 = 1.2e9;
-/// Its section, per attachment \[m²\].
-pub const TENDON_SECTION: f64 = 30e-6;
 /// A side grows from bone that is nearer than this \[m\]: the 3 mm of the table and the gap that the mesher keeps.
 const PATCH_REACH: f64 = 3.5e-3;
 /// Around its attachments a muscle takes no notice of the bone \[m\].

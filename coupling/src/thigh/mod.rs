@@ -4,6 +4,7 @@ pub mod build;
 pub mod inventory;
 pub mod lines;
 pub mod tendons;
+pub mod tissue;
 pub mod trial;
 
 use std::collections::BTreeMap;

@@ -11,7 +11,7 @@ use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{MembraneLawSpec, MembraneSpec, Scene, SolidSpec, StrandSpec, TieSpec};
 use nalgebra::Vector3;
 
-use super::build::{END_STIFFNESS, MATRIX, SHELL_SHEAR};
+use super::tissue::{END_STIFFNESS, MATRIX, SHELL_SHEAR};
 
 /// Young's modulus of the quadriceps tendon along its fibres \[Pa\] (Orozco, Scientific Reports 8:2323, 2018, table 1).
 pub const QUADRICEPS_TENDON: f64 = 370e6;

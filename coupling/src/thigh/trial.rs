@@ -9,7 +9,8 @@ use fem::scene::{PrescribedSpec, Scene, SolidSpec};
 use fem::solve::Settings;
 use nalgebra::Vector3;
 
-use super::build::{END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX, add_fibres};
+use super::build::add_fibres;
+use super::tissue::{END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX};
 
 /// Newton's method ends where the residual is this share of the forces in play, which are taken to be at least `LEAST_FORCE` \[N\].
 pub const TOLERANCE: f64 = 1e-4;

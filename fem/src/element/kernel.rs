@@ -8,7 +8,7 @@
 //! Simo, Taylor & Pister, Comput Methods Appl Mech Eng 1985;51:177.
 
 use crate::element::Rule;
-use crate::element::principal::lifted_tangent;
+use crate::element::principal::{Blocks, lifted_tangent};
 use crate::element::psd::lift;
 use crate::element::shape::contract;
 use crate::material::{Jet, Material, Matrix3, Matrix9, Mixed, add_det_hessian, cofactor};
@@ -216,9 +216,6 @@ fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]
         }
     }
 }
-
-/// ∂²ψ/∂F_ij∂F_kl \[Pa\] as blocks (j, l), entry `3 i + k`.
-pub type Blocks = [[[f64; 9]; 3]; 3];
 
 /// Derivatives of ψ̂(F, θ) at one point: over the invariants where its tangent will be made from principal stretches.
 #[allow(clippy::large_enum_variant)] // eight of them, on the stack

@@ -10,10 +10,12 @@
 
 #![allow(non_snake_case)]
 
-use super::kernel::Blocks;
 use super::psd::{lift, lifted};
 use crate::material::{Jet, Matrix3};
 use nalgebra::Vector3;
+
+/// ∂²ψ/∂F_ij∂F_kl \[Pa\] as blocks (j, l), entry `3 i + k`.
+pub type Blocks = [[[f64; 9]; 3]; 3];
 
 /// Second derivatives of ψ̂(F, θ) + p̄ det F less the share `share` of their negative eigenvalues: ∂²/∂F∂F, ∂²/∂F∂θ and ∂²/∂θ² \[Pa\].
 ///

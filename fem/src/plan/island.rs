@@ -7,9 +7,9 @@
 #![allow(non_snake_case)]
 
 use super::flow::Flow;
-use super::followers::{TiedGroup, tied_group};
 use super::load::{Load, Motion};
 use super::slide::Slide;
+use super::tied::{TiedGroup, tied_group};
 use crate::contact::Contact;
 use crate::effect::{Effect, NO_NODE, State};
 use crate::solve::{PRESCRIBED, Pattern, Slots};

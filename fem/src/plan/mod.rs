@@ -19,6 +19,7 @@ mod slide;
 mod solids;
 mod surfaces;
 mod term;
+mod tied;
 mod warning;
 
 pub use contact::{ContactPlan, ContactSurface, Repair};
@@ -29,7 +30,7 @@ pub use load::{Load, Motion};
 pub use loaded::LoadedIsland;
 pub use slide::Slide;
 pub use solids::Weights;
-pub use term::{Builder, Names, Term};
+pub use term::{Builder, Names, OwnTerms, Term};
 pub use warning::Warning;
 
 use crate::effect::{DeadLoad, Effect, NO_NODE};
@@ -83,11 +84,7 @@ impl Plan {
     }
 
     /// The same with terms of the caller's own, which may number controls and bodies; no file of this crate has to know them.
-    pub fn with_terms(
-        scene: &Scene,
-        mut mesh: Mesh,
-        own: &dyn Fn(&Mesh, &mut Names) -> Result<Vec<Term>, SceneError>,
-    ) -> Result<Plan, SceneError> {
+    pub fn with_terms(scene: &Scene, mut mesh: Mesh, own: OwnTerms) -> Result<Plan, SceneError> {
         mesh.check()?;
         let mut warnings = warning::of_mesh(scene, &mesh);
         let mut mistakes = Mistakes::default();
@@ -297,7 +294,7 @@ fn terms(
     mesh: &Mesh,
     motion: Option<(&[[Motion; 3]], &[Slide])>,
     weights: &[Weights],
-    own: &dyn Fn(&Mesh, &mut Names) -> Result<Vec<Term>, SceneError>,
+    own: OwnTerms,
     names: &mut Names,
     mistakes: &mut Mistakes,
 ) -> Vec<Term> {

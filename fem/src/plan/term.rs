@@ -10,6 +10,9 @@ use nalgebra::Vector3;
 /// numbering, indices of the groups).
 pub type Builder = Box<dyn Fn(&str, &[[f64; 3]], &[u32], &[u32]) -> Result<Box<dyn Effect>, SceneError>>;
 
+/// Makes a caller's own terms over a mesh.
+pub type OwnTerms<'a> = &'a dyn Fn(&Mesh, &mut Names) -> Result<Vec<Term>, SceneError>;
+
 /// One effect over the whole mesh.
 pub struct Term {
     /// Name, as reported.

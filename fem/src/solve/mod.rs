@@ -17,6 +17,7 @@ mod outcome;
 mod patience;
 mod potential;
 mod rigid;
+mod round_off;
 mod solver;
 mod stability;
 

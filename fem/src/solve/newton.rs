@@ -3,8 +3,8 @@
 //! Nocedal & Wright, Numerical Optimization, 2nd ed., ch. 3 and 6.
 
 use super::convexity::Convexity;
-use super::line_search::{energy_round_off, round_off};
 use super::linear::{LinearReport, LinearSolver, dot, norm};
+use super::round_off::{energy_round_off, round_off};
 use super::{Advance, BlockMatrix, Indefinite, Iteration, Loading, NotConverged, Reason, Settings};
 use std::time::Instant;
 

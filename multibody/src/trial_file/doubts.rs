@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 
 use super::TrialFile;
-use super::load::Recorded;
+use super::recorded::Recorded;
 use crate::error::{InputError, Mistakes, Place};
 use crate::natural::SegmentId;
 use crate::trial::{MarkerTrack, Side};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
-use super::load::Recorded;
+use super::recorded::Recorded;
 use super::{PlateColumns, TrialFile};
 use crate::error::{InputError, Mistakes, Place};
 use crate::natural::SegmentId;

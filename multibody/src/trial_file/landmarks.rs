@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use super::load::{Recorded, mirror};
+use super::load::mirror;
+use super::recorded::Recorded;
 use super::{HipCentre, HipRule, LandmarkEntry, Source, TrialFile, doubts};
 use crate::calibration::table::{self, TableError, TableItem};
 use crate::error::{InputError, Mistakes, Place, nearest};

@@ -1,29 +1,15 @@
 //! From a trial file and its recordings to a [`Trial`].
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
 
+use super::recorded::Recorded;
 use super::{LengthUnit, TrialFile, doubts, force, names};
 use crate::error::{InputError, Mistakes, nearest};
 use crate::natural::SegmentId;
-use crate::read::{self, MarkerRecording, c3d};
+use crate::read::{self, c3d};
 use crate::trial::{MarkerTrack, Side, Trial};
-
-/// A motion file; the markers already in ground axes, not yet mirrored.
-pub(super) struct Recorded {
-    pub path: PathBuf,
-    pub markers: MarkerRecording,
-    /// Plates and analog channels in the axes of the file, where it is a C3D file.
-    pub c3d: Option<c3d::C3d>,
-}
-
-impl Recorded {
-    /// Index of a marker, whose prefix may be left away or be one too many.
-    pub fn find(&self, name: &str) -> Option<usize> {
-        names::find(&self.markers.names, name).ok().flatten()
-    }
-}
 
 impl TrialFile {
     /// Reads the recordings and makes the trial; every mistake is named. `data`: folder of the recordings, besides that of the trial file.

@@ -13,6 +13,7 @@ mod left;
 mod load;
 mod names;
 mod paths;
+mod recorded;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

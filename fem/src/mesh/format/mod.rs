@@ -11,6 +11,7 @@ pub mod pvd;
 pub(crate) mod source;
 pub mod vtu;
 mod vtu_array;
+mod vtu_field;
 mod vtu_write;
 
 use std::io::Write;

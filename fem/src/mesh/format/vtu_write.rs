@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::vtu::{CELL_TYPES, Field};
+use super::vtu_field::{CELL_TYPES, Field};
 use super::write_whole;
 use crate::mesh::{CellKind, Mesh, MeshError};
 
