@@ -47,7 +47,7 @@ impl Identity {
     }
 }
 
-/// An output folder that no other run writes to as long as this lives. Until [`Claim::begin`] nothing in it has changed, and a claim
+/// An output folder that no other run writes to as long as this lives. Until `begin` nothing in it has changed, and a claim
 /// that is dropped before leaves all as it was.
 #[derive(Clone, Debug)]
 pub struct Claim(Arc<Mutex<Held>>);

@@ -2,7 +2,7 @@
 //!
 //! **Guarded**: a barrier on the distance, integrated over both surfaces of a pair, and continuous collision detection in
 //! every step (Li et al., Incremental potential contact, ACM Trans. Graph. 39, 2020), so nothing passes through. One way around is
-//! [`soft`]: it finds a guess at which nothing overlaps, from which the guarded mode goes on. docs/theory.md has it all on one page.
+//! `soft.rs`: it finds a guess at which nothing overlaps, from which the guarded mode goes on. docs/theory.md has it all on one page.
 //!
 //! Π = ½ Σ over samples of A (area) b(distance to B) + the same from B to A + Σ over pairs of edges (area) b(distance).
 //! The distance of a sample to a surface is made smooth at edges and corners by counting the triangles within reach, less the
@@ -341,7 +341,7 @@ impl Contact {
         all.list[all.surface(p)].stiffness.min(all.list[all.surface(q)].stiffness)
     }
 
-    /// Π \[J\]. With `floor` above zero the softened one of the guarded mode, see [`soft`].
+    /// Π \[J\]. With `floor` above zero the softened one of the guarded mode, see `soft.rs`.
     pub fn energy(&self, x: &[f64], floor: f64) -> f64 {
         let terms = self.terms(x, floor);
         let (p, stencils) = (&terms.p, &terms.stencils);

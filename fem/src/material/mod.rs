@@ -2,7 +2,7 @@
 //!
 //! One file per law; those of a user's own need none of them ([`user`]). Moduli in Pa, energy densities in J/m³. Isotropic laws and laws of one fibre family state only
 //! their energy over invariants ([`Isotropic`], [`FibreReinforced`]); stress and tangent follow by exact
-//! differentiation. Fibres and strands, which carry force along a line only, are in [`line`].
+//! differentiation. Fibres and strands, which carry force along a line only, are in [`mod@line`].
 
 #![allow(non_snake_case)]
 

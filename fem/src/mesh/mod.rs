@@ -1,7 +1,7 @@
 //! Meshes: nodes, cells in blocks of one kind, named regions and surfaces.
 //!
 //! [`Mesh::read`] takes Gmsh, Abaqus and VTU files; [`Mesh::check`] refuses what cannot be computed on;
-//! [`generate`] makes blocks, bars, spheres and cylinders; [`format`] holds the file formats and the writers.
+//! [`generate`] makes blocks, bars, spheres and cylinders; [`mod@format`] holds the file formats and the writers.
 
 mod check;
 mod error;

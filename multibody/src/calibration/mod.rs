@@ -1,4 +1,4 @@
-//! Sources of landmarks; each ends in an [`Anatomy`](crate::anatomy::Anatomy).
+//! Sources of landmarks; each ends in an [`Anatomy`].
 
 #![allow(non_snake_case)]
 

@@ -1,6 +1,6 @@
 //! Smoothing of one muscle: all nodes move at once to the least of one smooth objective.
 //!
-//! The objective is the sum of the shape penalty of every cell ([`super::shape`]), a small spring on the logarithm of every edge
+//! The objective is the sum of the shape penalty of every cell (`shape.rs`), a small spring on the logarithm of every edge
 //! length, a spring on the distance of surface nodes from the loft along its normal (they slide freely along it), a spring on the
 //! volume, and one-sided springs on the planes that keep the muscle apart from its neighbours. Nodes on the outline of the two ends
 //! slide along the end curves of the loft, nodes inside the ends along the tangent planes in which they started, held by springs.
