@@ -60,8 +60,10 @@ enum End {
 
 /// Pairs that the frame names as sent into each other by the drive; only of surfaces that are prescribed all over, which nobody can keep apart.
 fn told<'a>(plan: &Plan, frame: &'a Frame) -> Vec<[&'a str; 2]> {
+    let surfaces = &plan.contact().expect("with contact").surfaces;
     let is_prescribed = |name: &String| {
-        let nodes = plan.mesh.surfaces[name].iter().flatten();
+        let surface = surfaces.iter().find(|s| s.name == *name).expect("an overlap is of surfaces of contact");
+        let nodes = surface.faces.iter().flatten();
         nodes.flat_map(|&n| &plan.motion[n as usize]).all(|motion| !motion.is_unknown())
     };
     let all = frame.prescribed_overlaps.iter().filter(|(pair, _)| pair.iter().all(is_prescribed));
