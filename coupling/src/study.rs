@@ -302,12 +302,13 @@ impl Prepared {
             let Some(plan) = plan else { continue };
             let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
             let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
-            let settings = match self.scene.strict_parts {
-                Some(parts) => {
-                    Settings { tolerance, way: Way::Strict, first_step: 1.0 / parts as f64, ..SETTINGS }
-                }
-                None => Settings { tolerance, ..SETTINGS },
-            };
+            let mut settings = Settings { tolerance, ..SETTINGS };
+            if let Some(parts) = self.scene.strict_parts {
+                (settings.way, settings.first_step) = (Way::Strict, 1.0 / parts as f64);
+            }
+            if self.scene.check_stability {
+                settings.stability = Stability::Always;
+            }
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(FOLDERS[c]);

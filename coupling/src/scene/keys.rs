@@ -32,6 +32,7 @@ pub const KEYS: &[Key] = &[
     key("accuracy.residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("0.1"), "N", "Without contact", "0.01"),
     key("accuracy.contact_residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("10.0"), "N", "With contact; the last 10 N cost as much time as all before", "1.0"),
     key("accuracy.strict_parts", Count(1, 1000), Optional("softened contact says where to go, collision detection goes there"), "", "Guarded contact: every step goes in so many parts by collision detection alone; many times slower, to see whether forces depend on the path", "20"),
+    key("accuracy.check_stability", Flag, Default("false"), "", "Every state is shown to be a minimum of the energy, and left where it is none; `frames_tested_for_stability` in the summary counts them", "true"),
 
     key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),
     key("effects.fibres", Word(&["hill", "thermal", "none"]), Optional("hill; thermal where the mesh is free of stress at heel strike"), "", "Law of the fibres: force from activation and length, from contraction as in the publication, or passive tissue", "\"hill\""),

@@ -88,6 +88,8 @@ pub struct Scene {
     pub residuals: [f64; 2],
     /// Parts in which every step with contact goes, by collision detection alone; `None`: softened contact says where to go.
     pub strict_parts: Option<usize>,
+    /// Every state is shown to be a minimum of the energy.
+    pub check_stability: bool,
     /// Where the mesh is free of stress.
     pub stress_free: StressFree,
     /// Fibres.
@@ -135,6 +137,7 @@ struct AccuracyEntry {
     residual_n: Option<f64>,
     contact_residual_n: Option<f64>,
     strict_parts: Option<usize>,
+    check_stability: Option<bool>,
 }
 
 #[derive(Default, Deserialize)]
@@ -228,6 +231,7 @@ impl SceneFile {
             draw_in: self.draw_in_mm.unwrap_or(0.0) * 1e-3,
             residuals: [accuracy.residual_n.unwrap_or(without), accuracy.contact_residual_n.unwrap_or(with)],
             strict_parts: accuracy.strict_parts,
+            check_stability: accuracy.check_stability.unwrap_or(false),
             stress_free,
             fibres: self.effects.fibres.unwrap_or(natural),
             shells,
