@@ -338,6 +338,20 @@ fn a_step_is_one_configuration_and_json_is_its_verdict() {
     assert!(out.join("run.json").exists() && !out.join("contact").exists());
     let shells = fs::read_to_string(out.join("comparison.csv")).unwrap();
     assert!(shells.lines().nth(1).unwrap().ends_with(",0.000"), "no shell, no force in it: {shells}");
+    // Stability is tested where the scene asks for it, in every frame.
+    let tested = || {
+        let summary = fs::read_to_string(out.join("no_contact/thigh.json")).unwrap();
+        let summary: Value = serde_json::from_str(&summary).unwrap();
+        [&summary["frames_tested_for_stability"], &summary["frames_solved"]]
+            .map(|n| n.as_u64().expect("a count"))
+    };
+    let [without, _] = tested();
+    let scene = format!("{scene}[accuracy]\ncheck_stability = true\n");
+    fs::write(folder.path().join("one.toml"), scene).unwrap();
+    let output = sartorius(&["step", "one.toml", "--threads", "1", "--quiet"], folder.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let [with, frames] = tested();
+    assert!(without == 0 && with == frames && frames > 0, "{without}, {with} of {frames} frames");
 }
 
 #[test]

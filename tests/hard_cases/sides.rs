@@ -62,7 +62,8 @@ enum End {
 fn told<'a>(plan: &Plan, frame: &'a Frame) -> Vec<[&'a str; 2]> {
     let surfaces = &plan.contact().expect("with contact").surfaces;
     let is_prescribed = |name: &String| {
-        let surface = surfaces.iter().find(|s| s.name == *name).expect("an overlap is of surfaces of contact");
+        let surface =
+            surfaces.iter().find(|s| s.name == *name).expect("an overlap is of surfaces of contact");
         let nodes = surface.faces.iter().flatten();
         nodes.flat_map(|&n| &plan.motion[n as usize]).all(|motion| !motion.is_unknown())
     };
