@@ -2,10 +2,10 @@
 
 use fem::scene::LawSpec;
 
-/// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa (`literature.md`, 1.2), and the
-/// Poisson's ratio that is near-incompressible enough (`feasibility.md`).
+/// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa, with a Poisson's
+/// ratio that is near-incompressible enough; sources of all constants: `docs/theory.md`, *The thigh*.
 pub const MATRIX: LawSpec = LawSpec::MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 };
-/// Young's modulus of the fibres \[Pa\] (`literature.md`, 1.2).
+/// Young's modulus of the fibres \[Pa\], of the same study.
 pub const FIBRE_YOUNG: f64 = 1e6;
 /// Strain over which the tension of a fibre sets in.
 pub(super) const FIBRE_TOE: f64 = 0.05;
@@ -13,7 +13,7 @@ pub(super) const FIBRE_TOE: f64 = 0.05;
 pub const SHELL_THICKNESS: f64 = 0.5e-3;
 /// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
 pub const SHELL_SHEAR: f64 = 7.5e3;
-/// The end layers are this many times stiffer, fading over three layers (`mesh-notes.md`).
+/// The end layers are this many times stiffer, fading over three layers.
 pub(super) const END_STIFFNESS: f64 = 40.0;
 pub(super) const END_LAYERS: usize = 3;
 /// Young's modulus of a tendon of strands \[Pa\] (Zajac 1989).
