@@ -48,6 +48,17 @@ pub enum CommandError {
     /// A mesh or its input cannot be used.
     #[error(transparent)]
     Mesh(#[from] fem::mesh::MeshError),
+    /// A scene of bodies of one's own cannot be planned.
+    #[error("scene `{}`: {source}", file.display())]
+    Plan {
+        /// The file.
+        file: std::path::PathBuf,
+        /// All that is wrong.
+        source: fem::plan::SceneError,
+    },
+    /// The table that drives it cannot be used.
+    #[error(transparent)]
+    Drive(#[from] fem::drive::DriveError),
     /// Surfaces that give no sections.
     #[error(transparent)]
     Sections(#[from] fem::mesh::muscle::from_surface::SectionError),

@@ -21,6 +21,7 @@ pub mod registration;
 pub mod report;
 pub mod scene;
 pub mod section;
+pub mod solve;
 pub mod steps;
 pub mod study;
 pub mod subject;

@@ -13,6 +13,7 @@ pub use user_law::UserLaw;
 use crate::element::Formulation;
 use crate::material::line::FibreStrain;
 use crate::mesh::LengthUnit;
+use crate::solve::{Settings, Stability};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -24,6 +25,12 @@ pub struct Scene {
     pub mesh: Option<PathBuf>,
     /// What a length of 1 in the mesh file means: `m` (default) or `mm`.
     pub mesh_unit: LengthUnit,
+    /// Table of the drive ([`crate::drive`]), relative to the scene; absent where the drive comes from the program.
+    pub drive: Option<PathBuf>,
+    /// When a frame counts as solved, and how far apart frames are.
+    pub solver: SolverSpec,
+    /// Cuts whose section forces are tabulated.
+    pub cuts: Vec<CutSpec>,
     /// Solid regions.
     pub solids: Vec<SolidSpec>,
     /// Fibres: segments that carry axial force and can be activated.
@@ -52,6 +59,55 @@ pub struct Scene {
     pub planes: Vec<PlaneSpec>,
     /// Contact between surfaces; absent: they do not see each other.
     pub contact: Option<ContactSpec>,
+}
+
+/// When a frame counts as solved, and how far apart frames are.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverSpec {
+    /// Wanted residual relative to the forces in play, above 0 and below 1.
+    pub tolerance: f64,
+    /// Forces in play \[N\] are taken to be at least this.
+    pub least_force: f64,
+    /// Frames between the rows of the drive so that none is more than this after the one before \[s\]; absent: none.
+    pub longest_step: Option<f64>,
+    /// Every state is shown to be a minimum of the potential, and left where it is none; otherwise only where it is doubtful.
+    pub check_stability: bool,
+}
+
+impl Default for SolverSpec {
+    fn default() -> SolverSpec {
+        let Settings { tolerance, least_force, .. } = Settings::default();
+        SolverSpec { tolerance, least_force, longest_step: None, check_stability: false }
+    }
+}
+
+impl SolverSpec {
+    /// The settings of the solver that it stands for.
+    pub fn settings(&self) -> Settings {
+        let stability = if self.check_stability { Stability::Always } else { Stability::default() };
+        Settings {
+            tolerance: self.tolerance,
+            least_force: self.least_force,
+            stability,
+            ..Settings::default()
+        }
+    }
+}
+
+/// A plane cut whose section force is tabulated; see [`crate::measure::section_force`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct CutSpec {
+    /// Name, as reported.
+    pub name: String,
+    /// A point of the plane in the mesh \[m\].
+    pub point: [f64; 3],
+    /// Its normal in the mesh: force along it is positive in tension.
+    pub normal: [f64; 3],
+    /// Regions and fibres that it cuts; empty: all.
+    #[serde(default)]
+    pub effects: Vec<String>,
 }
 
 /// A solid region.

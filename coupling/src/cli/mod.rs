@@ -8,6 +8,7 @@ mod optimize;
 mod plan;
 mod progress;
 mod scenes;
+mod solve;
 mod step;
 mod template;
 
@@ -102,6 +103,8 @@ enum Command {
     Compare(compare::CompareArguments),
     /// One scene in one configuration: with contact where the scene has contact.
     Step(step::StepArguments),
+    /// Bodies of your own: mesh, laws, ties, contact and a table that drives them; fields, forces and a verdict.
+    Solve(solve::SolveArguments),
     /// What a scene would simulate, what it leaves out and why, and what it would cost.
     Plan(plan::PlanArguments),
     /// Scenes and trials that the program carries; or the text of one of them.
@@ -142,6 +145,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Mesh(arguments) => mesh::run(&arguments, quiet),
         Command::Compare(arguments) => compare::run(&arguments, quiet),
         Command::Step(arguments) => step::run(&arguments, quiet),
+        Command::Solve(arguments) => solve::run(&arguments, quiet),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Template(arguments) => template::run(&arguments),

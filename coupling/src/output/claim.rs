@@ -22,7 +22,9 @@ pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
 pub const ONE_WAY_FOLDER: &str = "one_way";
 /// Folders of the right and of the left leg, where a trial describes both.
 pub const LEG_FOLDERS: [&str; 2] = ["right", "left"];
-/// Name of the files in the folders of frames.
+/// Folder of the frames of bodies of one's own, and the name of its files.
+pub const OWN_FRAMES: [&str; 2] = ["frames", "scene"];
+/// Name of the files in the other folders of frames.
 const FRAMES: &str = "thigh";
 /// Marks a folder as ours.
 const MARKER: &str = ".sartorius";
@@ -158,8 +160,10 @@ impl Held {
         remove(&path.join(RUN_FILE))?;
         if !resume {
             self.earlier.iter().try_for_each(|file| remove(&path.join(file)))?;
-            for folder in FOLDERS.into_iter().chain([ONE_WAY_FOLDER]).map(|folder| path.join(folder)) {
-                fem::output::remove_run(&folder, FRAMES)
+            let of_thighs = FOLDERS.into_iter().chain([ONE_WAY_FOLDER]).map(|folder| [folder, FRAMES]);
+            for [folder, name] in of_thighs.chain([OWN_FRAMES]) {
+                let folder = path.join(folder);
+                fem::output::remove_run(&folder, name)
                     .map_err(|e| OutputError::at("remove the old frames in", &folder, io::Error::other(e)))?;
             }
         }

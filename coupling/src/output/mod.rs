@@ -7,6 +7,7 @@ pub mod mesh;
 pub mod opensim;
 pub mod origin;
 pub mod run;
+pub mod solve;
 pub mod sto;
 pub mod tables;
 
