@@ -588,6 +588,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     let measured = "time_s,medial_N,lateral_N\n0.0,500,300\n0.3,900,500\n0.6,900,500\n1.2,500,300\n";
     fs::write(folder.join("knee.csv"), measured).unwrap();
     fs::write(folder.join("thermal.toml"), "muscles = [\"gracilis\"]\nstress_free = \"heel_strike\"\nresolution_mm = 20\n[effects]\ncontact = \"none\"\n").unwrap();
+    let example = |name: &str| format!("{}/../fem/examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
     for arguments in [
         &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv"][..],
@@ -596,6 +597,8 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["optimize", "trials/walk.toml", "--out", "v"],
         &["compare", "thermal.toml", "--out", "t"],
         &["mesh", "--resolution", "20", "--only", "gracilis", "--out", "m"],
+        &["solve", &example("squashed_block"), "--out", "s"],
+        &["solve", &example("strap_over_rod"), "--out", "r"],
     ] {
         let output = sartorius(arguments, folder);
         // A single pass of two-way coupling or a single muscle may miss its verdict; its tables are written all the same.
@@ -608,7 +611,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "v", "c", "w", "t", "m"] {
+    for part in ["o", "v", "c", "w", "t", "m", "s", "r"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()
