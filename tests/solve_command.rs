@@ -38,6 +38,8 @@ fn solved(name: &str, folder: &Path) -> PathBuf {
     let output = sartorius(&["solve", &format!("{name}.toml"), "--out", "o", "--quiet"], folder);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(output.stderr.is_empty());
+    let checked = sartorius(&["check", &format!("{name}.toml")], folder);
+    assert!(String::from_utf8_lossy(&checked.stdout).contains("good. Scene of `solve`"), "{checked:?}");
     let out = folder.join("o");
     assert!(out.join("run.json").exists() && out.join("frames/scene.pvd").exists());
     // Whatever holds a body at rest holds it in balance.

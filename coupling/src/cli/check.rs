@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use multibody::InputError;
-
 use super::Outcome;
+use crate::error::CommandError;
 use crate::scene::{Scene, TomlKind};
+use crate::solve::{OwnScene, is_own};
 
 #[derive(Args)]
 pub struct CheckArguments {
@@ -37,12 +37,22 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
     if bad > 0 { Outcome::BadInput } else { Outcome::Solved }
 }
 
-/// A scene is told from a trial file by its keys; its trial is examined, too.
-fn check(file: &Path, data: Option<&Path>) -> Result<String, InputError> {
+/// A scene is told from a trial file by its keys; its trial is examined, too, and so are mesh and drive of a scene of bodies of one's own.
+fn check(file: &Path, data: Option<&Path>) -> Result<String, CommandError> {
     let is_toml = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    if is_toml && std::fs::read_to_string(file).is_ok_and(|text| is_own(&text)) {
+        let scene = OwnScene::read(file)?;
+        let (plan, n) = (&scene.plan, scene.drive.frames.len());
+        let islands = plan.islands.len();
+        return Ok(format!(
+            "Scene of `solve`: {} nodes, {islands} islands that are solved apart, {n} frames. Left out: {}.",
+            plan.mesh.points.len(),
+            plan.absent.join(", ")
+        ));
+    }
     let is_scene = |text: String| TomlKind::of(&text) == TomlKind::Scene;
     if !(is_toml && file.is_file() && std::fs::read_to_string(file).is_ok_and(is_scene)) {
-        return multibody::read::check(file, data);
+        return Ok(multibody::read::check(file, data)?);
     }
     let scene = Scene::read(file, data)?;
     let mut text = "Scene.".to_string();
