@@ -28,6 +28,9 @@ enum Tier {
     Full,
 }
 
+/// Cases that are known to fail, by id and title, with the reason. One that passes all the same is a surprise, too.
+const KNOWN: &[(&str, &str, &str)] = &[];
+
 /// How a case ended: `Ok` with the number that decided it, `Err` with what went wrong.
 type Outcome = Result<String, String>;
 
@@ -45,7 +48,7 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let full = arguments.iter().any(|a| a == "--full");
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
-    let mut failed = 0;
+    let mut surprises = 0;
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
     let tables = [
         elements::CASES,
@@ -73,17 +76,18 @@ fn main() {
         let outcome =
             std::panic::catch_unwind(case.run).unwrap_or_else(|_| Err("panicked, see above".into()));
         let seconds = start.elapsed().as_secs_f64();
-        let (verdict, text) = match outcome {
-            Ok(text) => ("pass", text),
-            Err(text) => {
-                failed += 1;
-                ("FAIL", text)
-            }
+        let known = KNOWN.iter().find(|(id, title, _)| (*id, *title) == (case.id, case.title));
+        let (verdict, text) = match (outcome, known) {
+            (Ok(text), None) => ("pass", text),
+            (Err(text), Some((_, _, why))) => ("known", format!("{text} ({why})")),
+            (Ok(text), Some(_)) => ("PASS", format!("{text}; it was known to fail: take it out of KNOWN")),
+            (Err(text), None) => ("FAIL", text),
         };
+        surprises += usize::from(verdict != verdict.to_lowercase());
         println!("{:<5} {:<8} {:>8.2}  {}; {}", case.id, verdict, seconds, case.title, text);
     }
-    if failed > 0 {
-        println!("{failed} hard case(s) failed");
+    if surprises > 0 {
+        println!("{surprises} hard case(s) ended otherwise than expected");
         std::process::exit(1);
     }
 }

@@ -19,15 +19,23 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+/// Set to anything where the tests are to do without `../shared`.
+const WITHOUT_DATA: &str = "SARTORIUS_WITHOUT_DATA";
+
 /// A file or folder under `../shared`, the read-only reference material beside the repository.
 ///
-/// `None`, with a printed notice, where the folder is absent: the calling test then returns
-/// without a verdict.
+/// Fails where it is absent, unless `SARTORIUS_WITHOUT_DATA` is set: then `None`, with a printed notice, and the calling test returns without a
+/// verdict.
 pub fn shared(relative: &str) -> Option<PathBuf> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(relative);
     if path.exists() {
         return Some(path);
     }
+    assert!(
+        std::env::var_os(WITHOUT_DATA).is_some(),
+        "{} is absent: put the data there, or leave out what needs it with {WITHOUT_DATA}=1",
+        path.display()
+    );
     eprintln!("notice: {} is absent; this check is skipped", path.display());
     None
 }
