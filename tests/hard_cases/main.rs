@@ -1,7 +1,8 @@
 //! The hard cases of the design as one table: a row per case with id, verdict, the number that decided it, seconds.
 //!
 //! `cargo test --release -p sartorius-tests --test hard_cases` runs the quick tier,
-//! `cargo test --release -p sartorius-tests --test hard_cases -- --full [ID...]` everything (or the named cases).
+//! `cargo test --release -p sartorius-tests --test hard_cases -- --full [ID...]` everything (or the named cases);
+//! `--page` enters what was run in `docs/hard-cases.md`, with date and commit.
 
 use std::time::Instant;
 
@@ -14,6 +15,7 @@ mod hertz;
 mod incompressible;
 mod judge;
 mod no_equilibrium;
+mod page;
 mod rigid;
 mod sides;
 mod solved;
@@ -49,6 +51,7 @@ fn main() {
     let full = arguments.iter().any(|a| a == "--full");
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
     let mut surprises = 0;
+    let mut rows = Vec::new();
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
     let tables = [
         elements::CASES,
@@ -85,6 +88,10 @@ fn main() {
         };
         surprises += usize::from(verdict != verdict.to_lowercase());
         println!("{:<5} {:<8} {:>8.2}  {}; {}", case.id, verdict, seconds, case.title, text);
+        rows.push(page::Row::new(case.id, case.title, verdict, seconds, &text));
+    }
+    if arguments.iter().any(|a| a == "--page") {
+        page::enter(rows);
     }
     if surprises > 0 {
         println!("{surprises} hard case(s) ended otherwise than expected");

@@ -1,0 +1,61 @@
+//! The page of the hard cases: a row per case as it ended last, with the day and the commit.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What stands above the table.
+const HEAD: &str = "# Hard cases
+
+What must stay stable, and how it ended last: `cargo test --release -p sartorius-tests --test hard_cases -- --full --page [ID...]` enters what it ran.
+*known*: fails for a reason that is known; everything else that does not pass is a surprise, and the command ends with 1.
+Seconds are of one run, on whatever ran beside it.
+
+| id | case | verdict | s | what decided it | run |
+|---|---|---|---:|---|---|
+";
+
+/// A case as it ended.
+pub struct Row {
+    key: (String, String),
+    cells: String,
+}
+
+impl Row {
+    pub fn new(id: &str, title: &str, verdict: &str, seconds: f64, text: &str) -> Row {
+        let plain = |s: &str| s.replace('|', "\\|").replace('\n', " ");
+        let cells = format!("{verdict} | {seconds:.1} | {} | {}", plain(text), run());
+        Row { key: (id.to_string(), plain(title)), cells }
+    }
+}
+
+/// Today and the commit, as the system tells them.
+fn run() -> String {
+    let said = |program: &str, arguments: &[&str]| {
+        let output = Command::new(program).args(arguments).output().ok()?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_string())
+    };
+    let date = said("date", &["-u", "+%Y-%m-%d"]).unwrap_or_default();
+    let commit = said("git", &["describe", "--always", "--dirty"]).unwrap_or_default();
+    format!("{date}, {commit}")
+}
+
+fn file() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md")
+}
+
+/// Enters rows in the page; those of other cases stay.
+pub fn enter(rows: Vec<Row>) {
+    let before = std::fs::read_to_string(file()).unwrap_or_default();
+    let mut all = BTreeMap::new();
+    for line in before.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| id |")) {
+        let mut cells =
+            line.trim_start_matches("| ").trim_end_matches(" |").splitn(3, " | ").map(String::from);
+        if let (Some(id), Some(title), Some(rest)) = (cells.next(), cells.next(), cells.next()) {
+            all.insert((id, title), rest);
+        }
+    }
+    all.extend(rows.into_iter().map(|row| (row.key, row.cells)));
+    let lines = all.iter().map(|((id, title), cells)| format!("| {id} | {title} | {cells} |\n"));
+    std::fs::write(file(), HEAD.to_string() + &lines.collect::<String>()).expect("docs/ can be written to");
+}
