@@ -34,12 +34,18 @@ enum Tier {
 const KNOWN: &[(&str, &str, &str)] = &[
     ("b06", "sliding after compression, guarded", SLIDING),
     ("b06", "sliding after compression, cheap", OPEN_RIM),
+    ("b06e", "work of the sliding force, guarded", SNAPS),
+    ("b06e", "work of the sliding force, cheap", OPEN_RIM),
     ("b06w", "on a wide block, open, guarded", RIM),
     ("b06w", "on a wide block, closed, cheap", RIM),
 ];
-const SLIDING: &str = "sliding gives back energy of the compressed column, so no force at all contradicts mechanics";
-const OPEN_RIM: &str = "samples drop out by a jump beyond the rim of an open surface, where no equilibrium is left";
-const RIM: &str = "energy depends on where in its cells the rim stands; smooth normals across edges are missing";
+const SLIDING: &str =
+    "sliding gives back energy of the compressed column, so no force at all contradicts mechanics";
+const SNAPS: &str = "samples that pass rims snap, and what the snaps lose is not in the balance";
+const OPEN_RIM: &str =
+    "samples drop out by a jump beyond the rim of an open surface, where no equilibrium is left";
+const RIM: &str =
+    "energy depends on where in its cells the rim stands; smooth normals across edges are missing";
 
 /// How a case ended: `Ok` with the number that decided it, `Err` with what went wrong.
 type Outcome = Result<String, String>;
