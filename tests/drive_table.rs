@@ -111,7 +111,7 @@ fn all_mistakes_of_a_table_are_told_with_their_lines() {
         "line 3: the rotation vector of `bone` changes by 190 degrees",
         "line 4: `bone_x_m` is `zero`",
         "line 4: `bone_rz_deg` is `inf`",
-        "line 5: 3 fields, the header has 7",
+        "line 5: 3 fields, must be 7 as in the header",
     ] {
         assert!(error.contains(words), "`{words}` is missing: {error}");
     }

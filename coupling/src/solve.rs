@@ -94,9 +94,19 @@ fn parse(text: &str, file: &Path) -> Result<Scene, InputError> {
     })?;
     let mut mistakes = scene.solver.settings().mistakes();
     for (key, given, like) in [("mesh", &scene.mesh, "block.inp"), ("drive", &scene.drive, "drive.csv")] {
-        if given.is_none() {
-            mistakes.push(format!("`{key}` is missing: `{key} = \"{like}\"`, a file beside the scene"));
+        let needed = format!("`{key} = \"{like}\"` names a file beside the scene");
+        match given {
+            None => mistakes.push(format!("`{key}` is missing: {needed}")),
+            Some(name) if !file.with_file_name(name).is_file() => {
+                mistakes.push(format!("{key} is `{}`, which is no file: {needed}", name.display()));
+            }
+            Some(_) => {}
         }
+    }
+    let ending =
+        |mesh: &PathBuf| mesh.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if let Some(mesh) = scene.mesh.as_ref().filter(|m| !["inp", "msh", "vtu"].contains(&ending(m).as_str())) {
+        mistakes.push(format!("mesh is `{}`, must end in .inp, .msh or .vtu", mesh.display()));
     }
     if let Some(longest) = scene.solver.longest_step.filter(|s| !(*s > 0.0 && s.is_finite())) {
         mistakes.push(format!("longest_step is {longest} s, must be a positive number"));

@@ -27,7 +27,7 @@ const UNIT: f64 = 1e-3;
 #[non_exhaustive]
 pub enum DriveError {
     /// It cannot be read.
-    #[error("drive `{path}`: {source}")]
+    #[error("drive `{path}`: {source}; it must be a table of UTF-8 text, cells apart by commas")]
     Read {
         /// The file.
         path: PathBuf,
@@ -100,7 +100,8 @@ fn columns(
         mistakes.push((
             line,
             format!(
-                "column `{name}` is neither `time_s` nor a control ({}) nor of a body ({}: BODY_x_m, BODY_rx_deg, BODY_qw, ...)",
+                "column `{name}` is nothing that the scene has; known are `time_s`, its controls ({}), and of its bodies ({}) BODY_x_m, BODY_rx_deg, \
+                 BODY_qw, ...",
                 names(&plan.controls),
                 names(&plan.bodies)
             ),
@@ -117,7 +118,7 @@ fn columns(
         }
     }
     if !columns.contains(&Some(Column::Time)) {
-        mistakes.push((line, "the column `time_s` is missing".to_string()));
+        mistakes.push((line, "the column `time_s` is missing; every row needs a time".to_string()));
     }
     for (b, body) in plan.bodies.iter().enumerate() {
         let count = |part: usize| {
@@ -202,7 +203,10 @@ impl Drive {
             let record = record.map_err(text)?;
             let line = record.position().map_or(0, csv::Position::line);
             if record.len() != header.len() {
-                mistakes.push((line, format!("{} fields, the header has {}", record.len(), header.len())));
+                mistakes.push((
+                    line,
+                    format!("{} fields, must be {} as in the header", record.len(), header.len()),
+                ));
                 continue;
             }
             let mut values = Vec::new();
@@ -240,7 +244,7 @@ impl Drive {
             frames.push((line, frame, turns));
         }
         if frames.is_empty() && mistakes.is_empty() {
-            mistakes.push((1, "there are no rows below the header".to_string()));
+            mistakes.push((1, "there are no rows below the header; every frame needs one".to_string()));
         }
         mistakes.sort_by_key(|m| m.0);
         match mistakes.is_empty() {
