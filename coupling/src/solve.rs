@@ -1,16 +1,19 @@
 //! Bodies of one's own: a scene of `fem` as a file beside its mesh and the table that drives it.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use fem::drive::DriveError;
 use fem::measure::Cut;
 use fem::mesh::Mesh;
-use fem::plan::Plan;
+use fem::mesh::format::Format;
+use fem::plan::{Motion, Plan};
 use fem::run::Drive;
 use fem::scene::{CutSpec, Scene};
 use fem::solve::Settings;
 use multibody::InputError;
 use multibody::error::{Place, nearest};
+use multibody::keys::line_of;
 
 use crate::error::CommandError;
 
@@ -26,8 +29,8 @@ pub struct OwnScene {
     pub settings: Settings,
     /// What is cut.
     pub cuts: Vec<(String, Cut)>,
-    /// Sets of nodes that are held or moved by displacements.
-    pub supports: Vec<String>,
+    /// Bodies with the nodes tied to them, and sets of nodes that are held or moved by displacements.
+    pub supports: Vec<(String, Vec<u32>)>,
     /// The scene, its mesh and its drive.
     pub files: [PathBuf; 3],
 }
@@ -57,10 +60,14 @@ impl OwnScene {
         if let Some(longest) = scene.solver.longest_step {
             drive = drive.refined(&plan, longest);
         }
-        let mut supports: Vec<String> = scene.prescribed.iter().map(|p| p.nodes.clone()).collect();
-        supports.extend(scene.rollers.iter().map(|r| r.nodes.clone()));
-        supports.sort();
-        supports.dedup();
+        let tied = |(b, name): (usize, &String)| {
+            let moves = |n: &u32| plan.motion[*n as usize][0] == Motion::Body(b);
+            (name.clone(), (0..plan.motion.len() as u32).filter(moves).collect())
+        };
+        let mut supports: Vec<(String, Vec<u32>)> = plan.bodies.iter().enumerate().map(tied).collect();
+        let sets = scene.prescribed.iter().map(|p| &p.nodes).chain(scene.rollers.iter().map(|r| &r.nodes));
+        let sets: BTreeSet<&String> = sets.collect();
+        supports.extend(sets.into_iter().map(|name| (name.clone(), plan.mesh.node_sets[name].clone())));
         let cut = |c: &CutSpec| {
             (c.name.clone(), Cut { point: c.point, normal: c.normal, effects: c.effects.clone() })
         };
@@ -77,19 +84,13 @@ impl OwnScene {
     }
 }
 
-/// Whether a TOML file is a scene of bodies of one's own: it names a mesh and no trial.
-pub fn is_own(text: &str) -> bool {
-    text.parse::<toml::Table>().is_ok_and(|keys| keys.contains_key("mesh") && !keys.contains_key("trial"))
-}
-
 fn malformed(file: &Path, at: Place, problem: String, remedy: &str) -> InputError {
     InputError::Malformed { file: file.into(), at, problem, remedy: remedy.into() }
 }
 
 fn parse(text: &str, file: &Path) -> Result<Scene, InputError> {
     let scene: Scene = toml::from_str(text).map_err(|error| {
-        let before = error.span().map_or(0, |s| s.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..before].iter().filter(|b| **b == b'\n').count();
+        let line = error.span().map_or(1, |s| line_of(text, s.start));
         malformed(file, Place::Line(line), error.message().replace('\n', ", "), "docs/solve.md has every key")
     })?;
     let mut mistakes = scene.solver.settings().mistakes();
@@ -103,9 +104,7 @@ fn parse(text: &str, file: &Path) -> Result<Scene, InputError> {
             Some(_) => {}
         }
     }
-    let ending =
-        |mesh: &PathBuf| mesh.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if let Some(mesh) = scene.mesh.as_ref().filter(|m| !["inp", "msh", "vtu"].contains(&ending(m).as_str())) {
+    if let Some(mesh) = scene.mesh.as_ref().filter(|mesh| Format::of(mesh).is_none()) {
         mistakes.push(format!("mesh is `{}`, must end in .inp, .msh or .vtu", mesh.display()));
     }
     if let Some(longest) = scene.solver.longest_step.filter(|s| !(*s > 0.0 && s.is_finite())) {

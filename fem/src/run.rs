@@ -52,6 +52,22 @@ impl Frame {
     pub fn snapshot(&self) -> Snapshot<'_> {
         Snapshot { x: &self.x, load: &self.load }
     }
+
+    /// The island that is least settled: its number and how it came to equilibrium; `None` where no forces are in play.
+    pub fn worst(&self) -> Option<(usize, &Advance)> {
+        let islands = self.islands.iter().enumerate().filter(|(_, advance)| advance.force_scale > 0.0);
+        islands.max_by(|a, b| a.1.relative_residual().total_cmp(&b.1.relative_residual()))
+    }
+
+    /// Sum of a count over all islands.
+    pub fn count(&self, of: impl Fn(&Advance) -> usize) -> usize {
+        self.islands.iter().map(of).sum()
+    }
+
+    /// Whether all equilibria were tested for stability and are minima of the potential.
+    pub fn is_tested_stable(&self) -> bool {
+        self.islands.iter().all(|island| island.tested_stable)
+    }
 }
 
 /// All frames, and how the run ended.
@@ -82,22 +98,24 @@ impl Run {
 
     /// Where the residual is the largest share of the forces in play, of all solved frames; none where nothing could move.
     pub fn worst(&self) -> Option<Worst<'_>> {
-        let islands = self.frames.iter().enumerate().flat_map(|(frame, f)| {
-            f.islands.iter().enumerate().map(move |(island, advance)| Worst { frame, island, advance })
+        let of = |(frame, f): (usize, &'_ Frame)| f.worst().map(|(island, _)| (frame, island));
+        let places = self.frames.iter().enumerate().filter_map(of);
+        let worst = places.map(|(frame, island)| Worst {
+            frame,
+            island,
+            advance: &self.frames[frame].islands[island],
         });
-        islands
-            .filter(|w| w.advance.force_scale > 0.0)
-            .max_by(|a, b| a.advance.relative_residual().total_cmp(&b.advance.relative_residual()))
+        worst.max_by(|a, b| a.advance.relative_residual().total_cmp(&b.advance.relative_residual()))
     }
 
     /// Solved frames all of whose equilibria were tested for stability and are minima of the potential.
     pub fn frames_tested_for_stability(&self) -> usize {
-        self.frames.iter().filter(|frame| frame.islands.iter().all(|island| island.tested_stable)).count()
+        self.frames.iter().filter(|frame| frame.is_tested_stable()).count()
     }
 
     /// Sum of a count over all islands of all solved frames.
     pub fn count(&self, of: impl Fn(&Advance) -> usize) -> usize {
-        self.frames.iter().flat_map(|frame| &frame.islands).map(of).sum()
+        self.frames.iter().map(|frame| frame.count(&of)).sum()
     }
 }
 

@@ -8,7 +8,7 @@ use clap::Args;
 use super::Outcome;
 use crate::error::CommandError;
 use crate::scene::{Scene, TomlKind};
-use crate::solve::{OwnScene, is_own};
+use crate::solve::OwnScene;
 
 #[derive(Args)]
 pub struct CheckArguments {
@@ -40,19 +40,11 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
 /// A scene is told from a trial file by its keys; its trial is examined, too, and so are mesh and drive of a scene of bodies of one's own.
 fn check(file: &Path, data: Option<&Path>) -> Result<String, CommandError> {
     let is_toml = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    if is_toml && std::fs::read_to_string(file).is_ok_and(|text| is_own(&text)) {
-        let scene = OwnScene::read(file)?;
-        let (plan, n) = (&scene.plan, scene.drive.frames.len());
-        let islands = plan.islands.len();
-        return Ok(format!(
-            "Scene of `solve`: {} nodes, {islands} islands that are solved apart, {n} frames. Left out: {}.",
-            plan.mesh.points.len(),
-            plan.absent.join(", ")
-        ));
-    }
-    let is_scene = |text: String| TomlKind::of(&text) == TomlKind::Scene;
-    if !(is_toml && file.is_file() && std::fs::read_to_string(file).is_ok_and(is_scene)) {
-        return Ok(multibody::read::check(file, data)?);
+    let text = is_toml.then(|| std::fs::read_to_string(file).ok()).flatten();
+    match text.as_deref().map(TomlKind::of) {
+        Some(TomlKind::Scene) => {}
+        Some(TomlKind::OwnScene) => return Ok(of_own(&OwnScene::read(file)?)),
+        Some(TomlKind::Trial) | None => return Ok(multibody::read::check(file, data)?),
     }
     let scene = Scene::read(file, data)?;
     let mut text = "Scene.".to_string();
@@ -63,4 +55,15 @@ fn check(file: &Path, data: Option<&Path>) -> Result<String, CommandError> {
         text += &format!(" {}", multibody::read::check(trial, data)?);
     }
     Ok(text)
+}
+
+fn of_own(scene: &OwnScene) -> String {
+    let plan = &scene.plan;
+    format!(
+        "Scene of `solve`: {} nodes, {} islands that are solved apart, {} frames. Left out: {}.",
+        plan.mesh.points.len(),
+        plan.islands.len(),
+        scene.drive.frames.len(),
+        plan.absent.join(", ")
+    )
 }

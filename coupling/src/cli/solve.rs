@@ -38,17 +38,16 @@ pub fn run(arguments: &SolveArguments, quiet: bool) -> Result<Outcome, CommandEr
     let claim = arguments.out.claim("solve", &scene.name)?;
     let folder = OutputFolder::begin(claim, false)?;
     let path = folder.path().to_path_buf();
-    let notes: Vec<String> = scene.plan.warnings.iter().map(ToString::to_string).collect();
-    progress.pause(|| tell(&notes));
+    record.notes = scene.plan.warnings.iter().map(ToString::to_string).collect();
+    progress.pause(|| tell(&record.notes));
     progress.lap("read");
     let [frames, name] = OWN_FRAMES;
     let into = path.join(frames);
     let mut solved = 0;
     let run = run_to_files(&scene.plan, &scene.drive, &scene.settings, None, &into, name, &mut |frame| {
         solved += 1;
-        let iterations: usize = frame.islands.iter().map(|i| i.iterations).sum();
         if !quiet {
-            let all = scene.drive.frames.len();
+            let (all, iterations) = (scene.drive.frames.len(), frame.count(|i| i.iterations));
             progress
                 .pause(|| eprintln!("frame {solved} of {all}: {} s, {iterations} iterations", frame.time));
         }
@@ -59,7 +58,7 @@ pub fn run(arguments: &SolveArguments, quiet: bool) -> Result<Outcome, CommandEr
     record.iterations.insert("Newton".into(), run.iterations.len() as u64);
     record.again = Again::as_typed(&record.command_line);
     let iterations = run.iterations.len();
-    let verdict = write_solve(folder, &scene, &run, record)?;
+    let files = write_solve(folder, &scene, &run, &mut record)?;
     progress.lap("write");
     drop(progress);
     for error in &run.errors {
@@ -67,14 +66,13 @@ pub fn run(arguments: &SolveArguments, quiet: bool) -> Result<Outcome, CommandEr
     }
     let (solved, asked) = (run.frames.len(), scene.drive.frames.len());
     let mut out = std::io::stdout().lock();
+    // A reader that closes the pipe early is no error.
     let _ = match arguments.json {
-        true => std::fs::read_to_string(path.join("run.json"))
-            .map(|text| writeln!(out, "{}", text.trim_end()))
-            .map(|_| ()),
+        true => writeln!(out, "{}", serde_json::to_string_pretty(&record).expect("plain data")),
         false => writeln!(
             out,
             "{solved} of {asked} frames solved, {iterations} iterations\n{} tables in {}; open {}/{name}.pvd in ParaView",
-            verdict.len() - 1,
+            files.len() - 1,
             path.display(),
             into.display()
         ),

@@ -9,7 +9,7 @@ use fem::mesh::{CellBlock, CellKind, Mesh};
 use nalgebra::Vector3;
 
 use super::atomic::OutputFolder;
-use super::run::{self, RunRecord};
+use super::run::RunRecord;
 use crate::error::CommandError;
 use crate::report::mesh::{MeshReport, MeshSummary, mesh_page};
 use crate::thigh::inventory::Hold;
@@ -36,10 +36,7 @@ pub fn write_mesh(
     let page = mesh_page(report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = serde_json::to_value(MeshSummary::of(report)).ok();
-    record.files = out.files().to_vec();
-    record.stage("write", started.elapsed());
-    record.peak_memory_mib = run::peak_memory_mib();
-    Ok(out.finish(&record)?)
+    Ok(super::finish(out, &mut record, started)?)
 }
 
 /// Muscles with fibres, shells and tendons, and bones, as one mesh.

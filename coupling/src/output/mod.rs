@@ -103,7 +103,7 @@ pub fn write_optimize(
     write_leg(&mut out, "", report)?;
     record.notes = report.notes.to_vec();
     record.verdict = serde_json::to_value(crate::report::Summary::of(report)).ok();
-    finish(out, record, started)
+    finish(out, &mut record, started)
 }
 
 /// The same for the right and the left leg of a trial, each in a [folder of its own](claim::LEG_FOLDERS), with a page of both beside them.
@@ -123,7 +123,7 @@ pub fn write_both_legs(
         record.notes.extend(leg.notes.iter().map(|note| format!("{side} leg: {note}")));
     }
     record.verdict = serde_json::to_value(BothLegs::of(legs)).ok();
-    finish(out, record, started)
+    finish(out, &mut record, started)
 }
 
 /// Tables, files for OpenSim users and the page of one leg. `within`: what comes before their names, empty or a folder with its slash.
@@ -172,11 +172,11 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
 }
 
 /// Completes the record and the folder.
-fn finish(out: OutputFolder, mut record: RunRecord, started: Instant) -> Result<Vec<String>, OutputError> {
+fn finish(out: OutputFolder, record: &mut RunRecord, started: Instant) -> Result<Vec<String>, OutputError> {
     record.files = out.files().to_vec();
     record.stage("write", started.elapsed());
     record.peak_memory_mib = run::peak_memory_mib();
-    out.finish(&record)
+    out.finish(record)
 }
 
 fn write_csv(out: &mut OutputFolder, stem: &str, series: &Series) -> Result<(), OutputError> {

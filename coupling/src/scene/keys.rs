@@ -6,7 +6,7 @@ use multibody::InputError;
 use multibody::error::Place;
 use multibody::keys::Kind::{Count, Either, File, Flag, Number, Section, Sections, Text, Texts, Word};
 use multibody::keys::Need::{Default, Optional, Required};
-use multibody::keys::{Key, key, likeness};
+use multibody::keys::{Key, key, likeness, top_keys};
 use multibody::trial_file;
 
 use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
@@ -71,34 +71,43 @@ pub enum TomlKind {
     Scene,
     /// A trial file.
     Trial,
+    /// A scene of bodies of one's own ([`crate::solve`]): it names a mesh and no trial.
+    OwnScene,
 }
 
 impl TomlKind {
     /// By the keys at the top, misspelt ones included.
     pub fn of(text: &str) -> TomlKind {
-        match likeness(text, trial_file::KEYS) > likeness(text, KEYS) {
-            true => TomlKind::Trial,
-            false => TomlKind::Scene,
+        let top = top_keys(text);
+        let has = |name: &str| top.iter().any(|key| key == name);
+        if has("mesh") && !has("trial") {
+            TomlKind::OwnScene
+        } else if likeness(text, trial_file::KEYS) > likeness(text, KEYS) {
+            TomlKind::Trial
+        } else {
+            TomlKind::Scene
         }
     }
 }
 
-/// Refuses a trial file where a scene is wanted, and a scene where a trial file is.
+/// Refuses a file of another kind than the one wanted.
 pub fn wanted(kind: TomlKind, file: &Path, text: &str) -> Result<(), InputError> {
-    if TomlKind::of(text) == kind || text.trim().is_empty() {
+    let found = TomlKind::of(text);
+    if found == kind || text.trim().is_empty() {
         return Ok(());
     }
-    let (problem, remedy) = match kind {
-        TomlKind::Scene => (
-            "this is a trial file, not a scene",
-            "run `sartorius optimize` with it, or write a scene with `trial = \"FILE\"`",
-        ),
-        TomlKind::Trial => {
-            ("this is a scene, not a trial file", "run `sartorius compare`, `step` or `plan` with it")
-        }
+    let name = |kind: TomlKind| match kind {
+        TomlKind::Scene => "a scene",
+        TomlKind::Trial => "a trial file",
+        TomlKind::OwnScene => "a scene of `solve`",
     };
-    let (file, problem, remedy) = (file.to_path_buf(), problem.to_string(), remedy.to_string());
-    Err(InputError::Malformed { file, at: Place::Whole, problem, remedy })
+    let remedy = match found {
+        TomlKind::Scene => "run `sartorius compare`, `step` or `plan` with it",
+        TomlKind::Trial => "run `sartorius optimize` with it, or write a scene with `trial = \"FILE\"`",
+        TomlKind::OwnScene => "run `sartorius solve` with it",
+    };
+    let problem = format!("this is {}, not {}", name(found), name(kind));
+    Err(InputError::Malformed { file: file.to_path_buf(), at: Place::Whole, problem, remedy: remedy.into() })
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use fem::scene::ContactMode;
 use multibody::InputError;
 use multibody::error::{Mistakes, Place, nearest};
-use multibody::keys::examine;
+use multibody::keys::{examine, line_of};
 use multibody::shipped::{self, Kind};
 use serde::Deserialize;
 use toml::Spanned;
@@ -271,7 +271,7 @@ struct Source<'a> {
 
 impl Source<'_> {
     fn line(&self, byte: usize) -> usize {
-        1 + self.text.get(..byte).unwrap_or(self.text).matches('\n').count()
+        line_of(self.text, byte)
     }
 
     fn bad(&self, line: usize, key: &str, value: impl ToString, remedy: impl ToString) -> InputError {

@@ -157,7 +157,11 @@ pub fn pressure_wrench(plan: &Plan, at: Snapshot, surface: &str, about: [f64; 3]
 /// Pressure acts on the surfaces that the scene names and on nothing else: where such a surface is open, the force of a support along its
 /// rim is that of the tissue alone, the resultant of the stress in it, without the pressure on the opening ([`pressure_wrench`] has that).
 pub fn support_wrench(plan: &Plan, at: Snapshot, nodes: &[u32], about: [f64; 3]) -> Wrench {
-    let g = nodal_forces(plan, at);
+    support_wrench_of(plan, at, &nodal_forces(plan, at), nodes, about)
+}
+
+/// The same, given the [`nodal_forces`] `g`: for many supports of one state.
+pub fn support_wrench_of(plan: &Plan, at: Snapshot, g: &[f64], nodes: &[u32], about: [f64; 3]) -> Wrench {
     let mut wrench = Wrench::default();
     for &n in nodes {
         let i = 3 * n as usize;

@@ -68,17 +68,22 @@ pub fn examine<'a>(file: &Path, text: &'a str, keys: &[Key], wrong: &mut Mistake
 
 /// How much the keys at the top of `text` are those of the table: 4 for each, 1 for one that is misspelt.
 pub fn likeness(text: &str, keys: &[Key]) -> usize {
-    let (table, _) = DeTable::parse_recoverable(text);
     let top: Vec<&str> = keys.iter().filter(|k| k.section().is_empty()).map(Key::name).collect();
     let of = |name: &str| match top.contains(&name) {
         true => 4,
         false => usize::from(nearest(name, top.iter().copied()).is_some()),
     };
-    table.get_ref().keys().map(|k| of(k.get_ref())).sum()
+    top_keys(text).iter().map(|name| of(name)).sum()
+}
+
+/// The keys at the top of a TOML file, also of one that breaks the rules further down.
+pub fn top_keys(text: &str) -> Vec<String> {
+    let (table, _) = DeTable::parse_recoverable(text);
+    table.get_ref().keys().map(|k| k.get_ref().to_string()).collect()
 }
 
 /// Line of a byte, 1-based.
-fn line_of(text: &str, byte: usize) -> usize {
+pub fn line_of(text: &str, byte: usize) -> usize {
     1 + text.get(..byte).unwrap_or(text).matches('\n').count()
 }
 

@@ -7,7 +7,7 @@ mod examine;
 mod page;
 mod template;
 
-pub use examine::{Document, examine, likeness};
+pub use examine::{Document, examine, likeness, line_of, top_keys};
 pub use page::page;
 pub use template::{Filled, template};
 

@@ -41,17 +41,40 @@ impl LengthUnit {
     }
 }
 
+/// Format of a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// `.msh`
+    Gmsh,
+    /// `.inp`
+    Abaqus,
+    /// `.vtu`
+    Vtu,
+}
+
+impl Format {
+    /// By the ending of the name.
+    pub fn of(file: &Path) -> Option<Format> {
+        let ending = file.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        match ending.as_deref() {
+            Some("msh") => Some(Format::Gmsh),
+            Some("inp") => Some(Format::Abaqus),
+            Some("vtu") => Some(Format::Vtu),
+            _ => None,
+        }
+    }
+}
+
 impl Mesh {
     /// Reads `.msh` (Gmsh 2.2, 4.1), `.inp` (Abaqus) or `.vtu` (VTK), by the ending of the name.
     ///
     /// `unit`: length unit of the coordinates in the file. Call [`Mesh::check`] before computing on the result.
     pub fn read(file: &Path, unit: LengthUnit) -> Result<Mesh, MeshError> {
-        let ending = file.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-        match ending.as_deref() {
-            Some("msh") => gmsh::parse(&read_bytes(file)?, file, unit),
-            Some("inp") => abaqus::parse(&read_bytes(file)?, file, unit),
-            Some("vtu") => Ok(vtu::parse(&read_bytes(file)?, file, unit)?.mesh),
-            _ => Err(MeshError::UnknownFormat { file: file.into() }),
+        match Format::of(file) {
+            Some(Format::Gmsh) => gmsh::parse(&read_bytes(file)?, file, unit),
+            Some(Format::Abaqus) => abaqus::parse(&read_bytes(file)?, file, unit),
+            Some(Format::Vtu) => Ok(vtu::parse(&read_bytes(file)?, file, unit)?.mesh),
+            None => Err(MeshError::UnknownFormat { file: file.into() }),
         }
     }
 }
