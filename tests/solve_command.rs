@@ -200,3 +200,19 @@ fn what_has_no_solution_says_so_and_keeps_what_was_solved() {
     assert!(record["reason"].as_str().is_some_and(|r| r.contains("block")), "{record}");
     assert_eq!(rows(&folder.path().join("o/frames.csv")).len(), 1);
 }
+
+#[test]
+fn a_contact_surface_with_a_face_without_area_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    copied("strap_over_rod", folder.path());
+    let mesh = folder.path().join("strap_over_rod.inp");
+    // The cell at the corner is missing, and node 1 lies on its neighbour across the strap.
+    let text = fs::read_to_string(&mesh).unwrap();
+    let (node, cell) = ("\n1, -20, -4, 3.5\n", "\n155, 291, 296, 321, 316, 292, 297, 322, 317\n");
+    assert!(text.contains(node) && text.contains(cell));
+    fs::write(&mesh, text.replace(node, "\n1, -20, 1e-320, 3.5\n").replace(cell, "\n")).unwrap();
+    let output = sartorius(&["check", "strap_over_rod.toml"], folder.path());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("contact surface `strap`") && said.contains("without area"), "{said}");
+}

@@ -132,6 +132,18 @@ pub struct Surfaces {
     pub edge_length: f64,
 }
 
+/// The triangles of a face with corners at these places, as [`Surfaces::new`] divides it; of a triangle the last corner is there twice.
+pub fn collision_triangles(
+    [a, b, c, d]: [Vector3<f64>; 4],
+    is_triangle: bool,
+) -> Vec<[Vector3<f64>; 3]> {
+    if is_triangle {
+        return vec![[a, b, c]];
+    }
+    let mean = (a + b + c + d) / 4.0;
+    vec![[a, b, mean], [b, c, mean], [c, d, mean], [d, a, mean]]
+}
+
 /// Divisions of a triangle at most.
 const MAX_DIVISIONS: usize = 12;
 

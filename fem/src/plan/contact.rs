@@ -3,7 +3,7 @@
 use super::error::nearest;
 use super::term::check;
 use super::{Motion, SceneError};
-use crate::contact::surface::SurfaceInput;
+use crate::contact::surface::{SurfaceInput, collision_triangles};
 use crate::contact::{Contact, ContactInput, Mode, Overlap};
 use crate::mesh::quality::gauss_dets;
 use crate::mesh::{Mesh, edge_counts, unique_nodes};
@@ -148,6 +148,7 @@ fn surface(
     let user = format!("contact surface `{name}`");
     check(&user, "number of faces", faces.len() as f64, !faces.is_empty(), "positive")?;
     let rim = rim(&user, &faces)?;
+    faces.iter().try_for_each(|face| has_area(&user, *face, mesh))?;
     let moves = |n: &&u32| motion[**n as usize].iter().any(Motion::is_unknown);
     let deforms = nodes.iter().any(|n| moves(&n));
     let first = motion[nodes[0] as usize];
@@ -194,6 +195,20 @@ fn rim(user: &str, faces: &[[u32; 4]]) -> Result<Vec<[u32; 2]>, SceneError> {
         }
     }
     Ok(rim)
+}
+
+/// Refuses a face of which a collision triangle has no normal: its corners lie on a line as far as round-off of their coordinates can tell.
+fn has_area(user: &str, face: [u32; 4], mesh: &Mesh) -> Result<(), SceneError> {
+    let at: [Vector3<f64>; 4] = face.map(|n| mesh.points[n as usize].into());
+    for [a, b, c] in collision_triangles(at, face[2] == face[3]) {
+        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        let round_off = f64::EPSILON * a.amax().max(b.amax()).max(c.amax());
+        // Twice the area, against that of a triangle as high as the round-off; not above it either where something is no number.
+        if !((b - a).cross(&(c - a)).norm() > 4.0 * round_off * longest) {
+            return Err(SceneError::FlatFace { user: user.to_string(), nodes: face, place: a.into() });
+        }
+    }
+    Ok(())
 }
 
 /// Young's modulus \[Pa\] at small strain, along no fibre; of a user's own law the mean over all directions.

@@ -217,6 +217,20 @@ pub enum SceneError {
         /// Number of faces that have it.
         n_faces: u32,
     },
+    /// A face of a contact surface that is a line or a point.
+    #[error(
+        "{user}: the face over nodes {} has a triangle without area at ({:.6e}, {:.6e}, {:.6e}) m, so that it has no outside; merge its nodes \
+         that lie on each other, or move them apart",
+        nodes.map(|n| n.to_string()).join(", "), place[0], place[1], place[2]
+    )]
+    FlatFace {
+        /// Which part of the scene.
+        user: String,
+        /// Nodes of the face; the last of a triangle twice.
+        nodes: [u32; 4],
+        /// A corner of the triangle \[m\].
+        place: [f64; 3],
+    },
     /// A set without nodes.
     #[error(
         "{user} names the node set `{name}`, which is empty; name nodes in it, or leave it out of the scene"
