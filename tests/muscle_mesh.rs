@@ -2,20 +2,20 @@
 
 use std::path::Path;
 
-use coupling::registration::{MeshFrames, Registration};
 use coupling::steps::rigid_muscles_standing;
 use coupling::thigh;
 use coupling::thigh::build::{ThighEffects, ThighMuscle, reaches};
 use coupling::thigh::inventory::inventory;
 use coupling::thigh::lines::physiological_sections;
+use coupling::thigh::registration::{MeshFrames, Registration};
 use fem::contact::surface::{SurfaceInput, Surfaces};
 use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::MeshError;
-use fem::mesh::muscle::attachment::{Attachment, Role, Site};
-use fem::mesh::muscle::limb::LimbMap;
-use fem::mesh::muscle::scale::{SegmentFrame, SegmentMap, map_sections};
-use fem::mesh::muscle::smooth::{Plane, Smoother};
-use fem::mesh::muscle::{self, Bone, Loft, MuscleSections, Station, grid};
+use mesher::attachment::{Attachment, Role, Site};
+use mesher::limb::LimbMap;
+use mesher::scale::{SegmentFrame, SegmentMap, map_sections};
+use mesher::smooth::{Plane, Smoother};
+use mesher::{Bone, Loft, MuscleSections, Station, grid};
 use multibody::model::{Ankle, Model};
 use multibody::walker::{Knee, walker};
 use nalgebra::{Matrix3, Vector3};
@@ -73,7 +73,7 @@ fn lofts_have_the_published_volumes() {
 fn the_thigh_reaches_its_goals() {
     let (sections, bones) = (sections(), bones());
     for (edge, cells) in [(9e-3, 12_000..24_000), (6e-3, 30_000..40_000)] {
-        let built = muscle::build(&sections, &bones, edge);
+        let built = mesher::build(&sections, &bones, edge);
         let missed = built.missed(&bones);
         assert!(missed.is_empty(), "{edge} m: {missed:?}");
         let n: usize = built.muscles.iter().map(|m| m.block.n_cells()).sum();
@@ -85,7 +85,7 @@ fn the_thigh_reaches_its_goals() {
 type Reading = (SearchSurface, Vec<Vec<u32>>);
 
 /// By contact's own code.
-fn as_in_contact(block: &muscle::MuscleBlock) -> Reading {
+fn as_in_contact(block: &mesher::MuscleBlock) -> Reading {
     let x: Vec<f64> = block.points.iter().flatten().copied().collect();
     let input = SurfaceInput {
         name: block.name.clone(),
@@ -102,7 +102,7 @@ fn as_in_contact(block: &muscle::MuscleBlock) -> Reading {
 }
 
 /// Cut along a diagonal, as in files of surfaces.
-fn as_in_files(block: &muscle::MuscleBlock) -> Reading {
+fn as_in_files(block: &mesher::MuscleBlock) -> Reading {
     let (surface, nodes) = Surface::from_faces(&block.points, &block.surface());
     let triangles = surface.triangles.iter().map(|t| t.map(|p| nodes[p as usize]).to_vec()).collect();
     (SearchSurface::new(surface), triangles)
@@ -112,7 +112,7 @@ fn as_in_files(block: &muscle::MuscleBlock) -> Reading {
 #[test]
 fn muscles_keep_apart_as_contact_and_as_files_see_them() {
     let (sections, bones) = (sections(), bones());
-    let built = muscle::build(&sections, &bones, 10e-3);
+    let built = mesher::build(&sections, &bones, 10e-3);
     let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
     let bone_surfaces: Vec<_> = bones.iter().map(|b| SearchSurface::new(b.surface.clone())).collect();
     let read = [as_in_files, as_in_contact].map(|read| blocks.iter().map(|b| read(b)).collect::<Vec<_>>());
@@ -140,7 +140,7 @@ fn muscles_keep_apart_as_contact_and_as_files_see_them() {
     }
     // What it took: against each muscle meshed by itself.
     for (m, section) in built.muscles.iter().zip(&sections) {
-        let alone = &muscle::build(std::slice::from_ref(section), &[], 10e-3).muscles[0];
+        let alone = &mesher::build(std::slice::from_ref(section), &[], 10e-3).muscles[0];
         let ways = m.block.points.iter().zip(&alone.block.points);
         let longest = ways.map(|(p, q)| (Vector3::from(*p) - Vector3::from(*q)).norm()).fold(0.0, f64::max);
         let name = &m.block.name;
@@ -163,7 +163,7 @@ fn a_block_is_what_its_mesh_says() {
         let loft = Loft::new(&muscle);
         for kind in [grid::SectionKind::rings(&muscle, 8e-3), grid::SectionKind::plain(&muscle, 8e-3)] {
             let block = grid::fill(&muscle.name, &loft, &kind.grid(), grid::layers(&muscle, 8e-3, 1.0));
-            let mesh = muscle::to_mesh(std::slice::from_ref(&block));
+            let mesh = mesher::to_mesh(std::slice::from_ref(&block));
             let hexahedra = &mesh.blocks[0];
             assert_eq!((hexahedra.n_cells(), mesh.points.len()), (block.n_cells(), block.points.len()));
             assert!((block.volume() / mesh.volume(hexahedra) - 1.0).abs() < 1e-12, "{}", muscle.name);
@@ -327,12 +327,12 @@ fn meshes_are_the_same_on_any_number_of_threads() {
         sections.into_iter().filter(|m| m.name.starts_with("vastus") || m.name == "rectus_femoris").collect();
     let build = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| muscle::build(&quadriceps, &bones, 10e-3))
+        pool.install(|| mesher::build(&quadriceps, &bones, 10e-3))
     };
     let (one, two) = (build(1), build(2));
     assert!(one.rounds > 0);
     for (a, b) in one.muscles.iter().zip(&two.muscles) {
-        let bits = |m: &muscle::MuscleResult| -> Vec<u64> {
+        let bits = |m: &mesher::MuscleResult| -> Vec<u64> {
             m.block.points.iter().flatten().map(|x| x.to_bits()).collect()
         };
         assert!(bits(a) == bits(b), "{}", a.block.name);
@@ -368,7 +368,7 @@ fn scaling_carries_a_muscle_with_its_segments() {
     let all = SegmentMap { linear: nalgebra::Matrix3::identity() * 1.1, from: hip, to: hip };
     let large = map_sections(muscle, &[all.clone(), all.clone(), all], &[hip, knee]);
     large.check().unwrap();
-    let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+    let volume = |m: &MuscleSections| mesher::loft_volume(&Loft::new(m), 1.0);
     assert!((volume(&large) / volume(muscle) - 1.331).abs() < 1e-3);
     // A longer thigh: the origin stays on the pelvis, the end follows the knee, the belly is stretched.
     let k = 1.08;
@@ -423,7 +423,7 @@ fn a_limb_of_another_size_is_carried_by_its_segments() {
     let k = 1.1;
     // Everything alike: the whole limb grows as a body.
     let grown = limb.mapped(&LimbMap::sized(hip, knee, k, k, k)).unwrap();
-    let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+    let volume = |m: &MuscleSections| mesher::loft_volume(&Loft::new(m), 1.0);
     for (a, b) in limb.sections.iter().zip(&grown.sections) {
         b.check().unwrap();
         let ratio = volume(b) / volume(a);
@@ -527,7 +527,7 @@ fn semimembranosus_inserts_at_the_back_of_the_condyle() {
     // The drawn one turns away from it.
     let last = drawn.stations.last().unwrap();
     assert!(last.normal.angle(&(point - last.centre)).to_degrees() > 90.0);
-    let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
+    let volume = |m: &MuscleSections| mesher::loft_volume(&Loft::new(m), 1.0);
     assert!((0.95..1.0).contains(&(volume(ended) / volume(&drawn))));
     // The others are as drawn.
     let others = |m: &&MuscleSections| m.name != "semimembranosus";
@@ -537,7 +537,7 @@ fn semimembranosus_inserts_at_the_back_of_the_condyle() {
 #[test]
 fn every_muscle_has_its_fibres_attachments_and_line() {
     let limb = thigh::limb().unwrap();
-    let built = muscle::build(&limb.sections, &[], 8e-3);
+    let built = mesher::build(&limb.sections, &[], 8e-3);
     let blocks: Vec<_> = built.muscles.iter().map(|m| &m.block).collect();
     let (trial, anatomy) = walker(Knee::Hinge);
     let model = Model::new(&trial, anatomy, Ankle::Universal).unwrap();
@@ -597,8 +597,8 @@ fn every_muscle_has_its_fibres_attachments_and_line() {
 fn muscles_drawn_in_lose_a_layer_of_that_thickness() {
     for muscle in sections() {
         let name = &muscle.name;
-        let volume = |m: &MuscleSections| muscle::loft_volume(&Loft::new(m), 1.0);
-        let block = muscle::sampled(&Loft::new(&muscle), [20, 8], 1.0);
+        let volume = |m: &MuscleSections| mesher::loft_volume(&Loft::new(m), 1.0);
+        let block = mesher::sampled(&Loft::new(&muscle), [20, 8], 1.0);
         let (surface, _) = Surface::from_faces(&block.points, &block.side_faces());
         let side: f64 = (0..surface.triangles.len()).map(|t| surface.area_vector(t).norm()).sum();
         let by = 0.2e-3;

@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use fem::geometry::{SearchSurface, Surface, distance};
-use fem::mesh::muscle::from_surface::{
-    Anatomy, End, Fit, MuscleEnds, SectionError, Settings, sections_from_surface,
-};
-use fem::mesh::muscle::{Loft, MuscleResult, MuscleSections, build};
 use fem::mesh::{LengthUnit, unique_nodes};
+use mesher::from_surface::{Anatomy, End, Fit, MuscleEnds, SectionError, Settings, sections_from_surface};
+use mesher::{Loft, MuscleResult, MuscleSections, build};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use support::shared;
@@ -398,7 +396,7 @@ fn sections_agree_with_the_published_tables() {
         let name = muscle.name.as_str();
         let other = table.iter().find(|m| m.name == name).expect("the same muscles");
         let off_line = |p: &Vector3<f64>| {
-            let off = |w: &[fem::mesh::muscle::Station]| {
+            let off = |w: &[mesher::Station]| {
                 let (a, b) = (w[0].centre, w[1].centre);
                 (a + distance::on_segment(p, &a, &b) * (b - a) - p).norm()
             };

@@ -8,8 +8,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use command::output::{opensim, sto, tables};
 use coupling::optimize::{OptimizeOptions, Optimized, optimize};
-use coupling::output::{opensim, sto, tables};
 use multibody::natural::{self, SegmentId};
 use multibody::trial::Side;
 use nalgebra::{Matrix3, Vector3};

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use coupling::cache::{Cache, FOLDER};
-use coupling::output::claim::{Claim, Identity};
+use command::output::claim::{Claim, Identity};
+use coupling::fibres::cache::{Cache, FOLDER};
 use support::walking::Walking;
 use support::{program, sartorius};
 

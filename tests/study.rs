@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use coupling::cache::FOLDER;
-use coupling::compare::StressFree;
-use coupling::estimate::{Expected, Work};
-use coupling::explain::explain;
+use coupling::fibres::cache::FOLDER;
 use coupling::scene::{Fibres, Scene};
 use coupling::steps::StepName;
+use coupling::study::compare::StressFree;
+use coupling::study::estimate::{Expected, Work};
+use coupling::study::explain::explain;
 use coupling::study::{Prepared, Sized};
 use coupling::thigh::build::Thigh;
 use fem::measure::nodal_forces;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use coupling::capacity::sewn;
-use coupling::fixed_point::Scheme;
 use coupling::scene::Scene;
 use coupling::study::{Prepared, Study};
+use coupling::two_way::capacity::sewn;
+use coupling::two_way::fixed_point::Scheme;
 use coupling::two_way::{Pass, TOLERANCE};
 
 /// Muscles across the hip and across the knee, coarse.

@@ -1,12 +1,12 @@
 //! Every muscle of the built-in thigh alone: its fibres, attachments and line of action, and how it bears being stretched and
 //! contracted. `cargo run --release -p sartorius-coupling --example muscle_trials [MM]`
 
-use coupling::registration::{MeshFrames, Registration};
 use coupling::steps::rigid_muscles_standing;
 use coupling::thigh::build::ThighEffects;
 use coupling::thigh::built_in;
+use coupling::thigh::registration::{MeshFrames, Registration};
 use coupling::thigh::trial::{LEAST_FORCE, MuscleAlone, TOLERANCE, Task, Trial};
-use fem::mesh::muscle::fibres::mean_section;
+use mesher::fibres::mean_section;
 use multibody::model::{Ankle, Model};
 use multibody::walker::{Knee, walker};
 use nalgebra::Vector3;

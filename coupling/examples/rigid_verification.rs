@@ -6,9 +6,9 @@
 
 use std::path::PathBuf;
 
-use coupling::error::CommandError;
+use coupling::error::StudyError;
 use coupling::optimize::{OptimizeOptions, Optimized, optimize};
-use coupling::report::GRAVITY;
+use coupling::subject::GRAVITY;
 use multibody::model::Ankle;
 use multibody::sharing::{MuscleCost, ReactionCost};
 use multibody::trial::Status;
@@ -16,7 +16,7 @@ use multibody::trial_file::HipRule;
 
 const TRIALS: [&str; 5] = ["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"];
 
-fn main() -> Result<(), CommandError> {
+fn main() -> Result<(), StudyError> {
     let data = std::env::args().nth(1).map(PathBuf::from);
     let trials = || -> Vec<Option<&str>> {
         let recorded = TRIALS.iter().copied().filter(|_| data.is_some()).map(Some);

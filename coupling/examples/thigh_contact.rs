@@ -12,13 +12,13 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use coupling::cache::Cache;
-use coupling::compare::StressFree;
+use coupling::fibres::cache::Cache;
 use coupling::fibres::driven_fibres;
-use coupling::registration::{BODIES, MeshFrames, Registration};
 use coupling::scene::Fibres;
 use coupling::study::SETTINGS;
+use coupling::study::compare::StressFree;
 use coupling::thigh::build::{Thigh, ThighEffects};
+use coupling::thigh::registration::{BODIES, MeshFrames, Registration};
 use coupling::thigh::{BuiltIn, built_in};
 use fem::body::Pose;
 use fem::measure::intersections;

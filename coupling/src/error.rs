@@ -1,4 +1,4 @@
-//! Why a command ended without results: mostly the input or the place for the output.
+//! Why a study ended without results: mostly the input.
 
 use multibody::InputError;
 use multibody::calibration::CalibrationError;
@@ -8,23 +8,14 @@ use multibody::sharing::SharingError;
 use thiserror::Error;
 
 use crate::measured::MeasuredError;
-use crate::output::OutputError;
 
-/// What stops a command.
+/// What stops a study: `optimize`, `solve`, or a scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum CommandError {
+pub enum StudyError {
     /// A file cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// What stops one leg of a trial of both.
-    #[error("{side} leg: {source}")]
-    OfLeg {
-        /// `right` or `left`.
-        side: &'static str,
-        /// Why.
-        source: Box<CommandError>,
-    },
     /// Landmarks cannot be had.
     #[error("landmarks of `{trial}`: {source}")]
     Calibration {
@@ -61,10 +52,7 @@ pub enum CommandError {
     Drive(#[from] fem::drive::DriveError),
     /// Surfaces that give no sections.
     #[error(transparent)]
-    Sections(#[from] fem::mesh::muscle::from_surface::SectionError),
-    /// Results cannot be written.
-    #[error(transparent)]
-    Output(#[from] OutputError),
+    Sections(#[from] mesher::from_surface::SectionError),
     /// An option contradicts the trial.
     #[error("{0}")]
     Option(String),
@@ -73,12 +61,11 @@ pub enum CommandError {
     NotConverged(String),
 }
 
-impl CommandError {
+impl StudyError {
     /// Exit code of the process: 3 where a solver failed, 2 for bad input.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CommandError::NotConverged(_) => 3,
-            CommandError::OfLeg { source, .. } => source.exit_code(),
+            StudyError::NotConverged(_) => 3,
             _ => 2,
         }
     }

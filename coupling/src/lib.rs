@@ -1,30 +1,18 @@
-//! The command `sartorius`: the only crate that knows both the rigid leg and the deformable thigh.
+//! What couples the rigid leg with the deformable thigh: the only crate that knows both, apart from the command on top of it.
+//!
+//! [`optimize`] is the rigid leg end to end, [`scene`] what a person writes down, [`steps`] what it says of a gait step, [`thigh`] the mesh, [`fibres`] what its muscles
+//! pull with, [`study`] the road from a scene to forces compared, [`two_way`] the passes back into force sharing, [`mod@solve`] bodies of
+//! one's own.
 
-pub mod alone;
-pub mod cache;
-pub mod calibration;
-pub mod capacity;
-pub mod cli;
-pub mod compare;
 pub mod error;
-pub mod estimate;
-pub mod explain;
 pub mod fibres;
-pub mod fixed_point;
-pub mod hill_calibration;
 pub mod measured;
-pub mod muscle_unit;
 pub mod number;
 pub mod optimize;
-pub mod output;
-pub mod registration;
-pub mod report;
 pub mod scene;
-pub mod section;
 pub mod solve;
 pub mod steps;
 pub mod study;
 pub mod subject;
 pub mod thigh;
-pub mod thigh_tables;
 pub mod two_way;

@@ -9,7 +9,7 @@ use multibody::read::KneeForces;
 use multibody::trial::Effort;
 use thiserror::Error;
 
-use crate::report::GRAVITY;
+use crate::subject::GRAVITY;
 
 /// Why the two cannot be compared.
 #[derive(Debug, Error, PartialEq)]
@@ -197,7 +197,9 @@ fn check(measured: &KneeForces) -> Result<(), MeasuredError> {
 }
 
 fn reaction(effort: &Effort, column: &'static str) -> Result<Vec<f64>, MeasuredError> {
-    crate::report::column(&effort.reactions, column)
+    effort
+        .reactions
+        .column(column)
         .ok_or_else(|| MeasuredError::Column { column, present: effort.reactions.columns.join(", ") })
 }
 

@@ -12,8 +12,8 @@ use multibody::natural::Coordinates;
 use nalgebra::Vector3;
 
 use crate::optimize::Optimized;
-use crate::registration::Registration;
 use crate::thigh::lines::lines_of_muscles;
+use crate::thigh::registration::Registration;
 
 /// Which instant of the gait cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -118,7 +118,7 @@ pub struct RigidStep {
     pub row: usize,
     /// Knee flexion \[rad\].
     pub knee_flexion: f64,
-    /// Poses of the bones ([`crate::registration::BODIES`]) relative to the mesh.
+    /// Poses of the bones ([`crate::thigh::registration::BODIES`]) relative to the mesh.
     pub poses: [Pose; 4],
     /// The muscles of the thigh, by name.
     pub muscles: Vec<RigidMuscle>,

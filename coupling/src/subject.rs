@@ -1,17 +1,20 @@
 //! Who was recorded, in words; the built-in thigh in the size of a subject.
 
-use fem::mesh::muscle::limb::LimbMap;
+use mesher::limb::LimbMap;
 use multibody::model::Model;
 use multibody::natural::SegmentId;
 use multibody::trial::{Sex, Side, Trial};
 
 use crate::number::{plain, short};
-use crate::registration::MeshFrames;
+use crate::thigh::registration::MeshFrames;
 
 /// Distance of the ASISs of the measured body \[m\] and length of its shank, knee centre to the midpoint of the malleolar tips less the
 /// 10 mm by which the tips lie below palpated ones \[m\] (`gait-data/thigh/limb_frames.csv`, notes).
 const PELVIS_WIDTH: f64 = 0.2573;
 const SHANK_LENGTH: f64 = 0.4146 - 0.010;
+
+/// Gravity for body weights \[m/s²\], the same as in the mechanics.
+pub const GRAVITY: f64 = 9.81;
 
 /// How many times as large as the built-in thigh a subject's segments are.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

@@ -113,6 +113,14 @@ pub struct Table {
     pub values: DMatrix<f64>,
 }
 
+impl Table {
+    /// The column called `name`, with or without `_N`.
+    pub fn column(&self, name: &str) -> Option<Vec<f64>> {
+        let j = self.columns.iter().position(|c| c.strip_suffix("_N").unwrap_or(c) == name)?;
+        Some(self.values.column(j).iter().copied().collect())
+    }
+}
+
 /// How well one frame of markers was fitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitVerdict {

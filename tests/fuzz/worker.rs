@@ -71,7 +71,7 @@ fn command(words: Vec<String>) -> u8 {
         "read-surface" => fem::geometry::Surface::read_checked(file, unit).err().map(|e| e.to_string()),
         _ => {
             let name = OsString::from("sartorius");
-            return coupling::cli::run(std::iter::once(name).chain(words.into_iter().map(OsString::from)));
+            return command::cli::run(std::iter::once(name).chain(words.into_iter().map(OsString::from)));
         }
     };
     refused.map_or(0, |error| {

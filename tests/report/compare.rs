@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use base64::Engine;
-use coupling::report::compare::{CompareReport, Computed, compare_page};
+use command::report::compare::{CompareReport, Computed, compare_page};
 use coupling::scene::Scene;
 use coupling::steps::StepName;
 use coupling::study::{Prepared, Study};
@@ -91,7 +91,7 @@ fn the_page_of_a_comparison_shows_every_force_and_fetches_nothing() {
     let differences = report.differences();
     assert_eq!(differences.len(), 4);
     for d in &differences {
-        let of = |row: &coupling::report::compare::Row| {
+        let of = |row: &command::report::compare::Row| {
             let c = usize::from(d.configuration == "with contact");
             (row.fe[c].unwrap().total - row.rigid).abs()
         };

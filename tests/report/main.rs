@@ -10,10 +10,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use coupling::output::atomic::OutputFolder;
-use coupling::output::run::{RunRecord, RunStatus};
-use coupling::output::write_optimize;
-use coupling::report::{Summary, optimize_page};
+use command::output::atomic::OutputFolder;
+use command::output::run::{RunRecord, RunStatus};
+use command::output::write_optimize;
+use command::report::{Summary, optimize_page};
 use multibody::kinematics::ANGLES;
 use multibody::sharing::REACTIONS;
 use multibody::trial::{Shortfall, Status, Table};

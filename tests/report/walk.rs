@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use command::report::{MuscleInfo, OptimizeReport};
 use coupling::measured::Overlay;
-use coupling::report::{MuscleInfo, OptimizeReport};
 use multibody::kinematics::ANGLES;
 use multibody::natural::{Coordinates, SegmentId};
 use multibody::read::KneeForces;

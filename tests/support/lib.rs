@@ -126,7 +126,7 @@ pub fn program() -> &'static Path {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
         let status = Command::new(cargo)
-            .args(["build", "--quiet", "--release", "-p", "sartorius-coupling", "--bin", "sartorius"])
+            .args(["build", "--quiet", "--release", "-p", "sartorius-command", "--bin", "sartorius"])
             .current_dir(&root)
             .status()
             .expect("cargo runs");

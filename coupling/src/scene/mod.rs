@@ -22,8 +22,8 @@ use toml::Spanned;
 
 pub use keys::{KEYS, TomlKind, wanted};
 
-use crate::compare::StressFree;
 use crate::steps::StepName;
+use crate::study::compare::StressFree;
 use crate::thigh::lines::lines_of_muscles;
 use materials::{Materials, MaterialsEntry};
 

@@ -3,8 +3,8 @@
 use fem::scene::ContactMode;
 
 use super::{Fibres, Scene};
-use crate::compare::StressFree;
 use crate::number::short;
+use crate::study::compare::StressFree;
 use crate::thigh::build::Thigh;
 use crate::thigh::lines::lines_of_muscles;
 

@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fem::geometry::SearchSurface;
 use fem::material::line::FibreStrain;
-use fem::mesh::muscle::attachment::{Attachment, Role, Site};
-use fem::mesh::muscle::fibres::{end_stiffness, fibres, mean_section};
-use fem::mesh::muscle::{Bone, MuscleBlock, to_mesh};
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{
     ContactSpec, Course, FibreLawSpec, FibreSpec, MembraneLawSpec, MembraneSpec, Scene, SolidSpec,
     StrandSpec, TieSpec,
 };
+use mesher::attachment::{Attachment, Role, Site};
+use mesher::fibres::{end_stiffness, fibres, mean_section};
+use mesher::{Bone, MuscleBlock, to_mesh};
 use nalgebra::Vector3;
 
 use super::tendons::{LEAST_SHAPE, TOE, Tendon, add_patellar_ligament, add_tendons, is_seam, regions};
@@ -213,7 +213,7 @@ pub fn build(
     put_together(blocks, attachments, sections, reaches, effects, LEAST_SHAPE)
 }
 
-/// [`build`] of a [draft](fem::mesh::muscle::draft), whose cells say nothing about the shape of the tendons that grow from them.
+/// [`build`] of a [draft](mesher::draft), whose cells say nothing about the shape of the tendons that grow from them.
 pub fn build_draft(
     blocks: &[MuscleBlock],
     attachments: &[Attachment],

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use fem::mesh::muscle::MuscleBlock;
-use fem::mesh::muscle::attachment::{Attachment, Role, Site};
-use fem::mesh::muscle::fibres::{fibres, mean_section};
+use mesher::MuscleBlock;
+use mesher::attachment::{Attachment, Role, Site};
+use mesher::fibres::{fibres, mean_section};
 use nalgebra::Vector3;
 use serde::Serialize;
 

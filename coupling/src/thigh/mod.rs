@@ -3,6 +3,9 @@
 pub mod build;
 pub mod inventory;
 pub mod lines;
+pub mod registration;
+pub mod section;
+pub mod tables;
 pub mod tendons;
 pub mod tissue;
 pub mod trial;
@@ -11,13 +14,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use fem::geometry::{SearchSurface, Surface};
-use fem::mesh::muscle::attachment::{Attachment, Site};
-use fem::mesh::muscle::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
-use fem::mesh::muscle::limb::Limb;
-use fem::mesh::muscle::{Bone, Built, Loft, MuscleBlock, MuscleSections, sampled};
 use fem::mesh::{LengthUnit, MeshError};
+use mesher::attachment::{Attachment, Site};
+use mesher::from_surface::{Anatomy, MuscleEnds, SectionError, Settings};
+use mesher::limb::Limb;
+use mesher::{Bone, Built, Loft, MuscleBlock, MuscleSections, sampled};
 
-use crate::thigh_tables::{ATTACHMENTS, BONE_SECTIONS, MUSCLE_SECTIONS};
+use crate::thigh::tables::{ATTACHMENTS, BONE_SECTIONS, MUSCLE_SECTIONS};
 use build::{Thigh, ThighEffects, reaches};
 
 /// A thigh at a resolution, without contact.
@@ -72,7 +75,7 @@ pub fn from_limb(
     effects: ThighEffects,
 ) -> Result<BuiltIn, MeshError> {
     let before = choose(&mut limb, draw_in, only)?;
-    let built = fem::mesh::muscle::build(&limb.sections, &limb.bones, edge);
+    let built = mesher::build(&limb.sections, &limb.bones, edge);
     let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
     let Limb { bones, attachments, .. } = limb;
     let areas = lines::physiological_sections();
@@ -81,7 +84,7 @@ pub fn from_limb(
     Ok(BuiltIn { thigh, bones, attachments, built })
 }
 
-/// The thigh that [`from_limb`] would make, on a [draft](fem::mesh::muscle::draft) of its mesh: to be counted, not to be solved.
+/// The thigh that [`from_limb`] would make, on a [draft](mesher::draft) of its mesh: to be counted, not to be solved.
 pub fn draft(
     mut limb: Limb,
     edge: f64,
@@ -90,7 +93,7 @@ pub fn draft(
     effects: ThighEffects,
 ) -> Result<Thigh, MeshError> {
     let before = choose(&mut limb, draw_in, only)?;
-    let blocks = fem::mesh::muscle::draft(&limb.sections, edge);
+    let blocks = mesher::draft(&limb.sections, edge);
     let Limb { bones, attachments, .. } = limb;
     let areas = lines::physiological_sections();
     let section = |muscle: &str| areas.get(muscle).copied();

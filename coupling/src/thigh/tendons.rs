@@ -4,11 +4,11 @@
 //! Fibres of the tendon run on from every fibre of the muscle, so each carries its own force to the bone; the matrix between them keeps
 //! the tendon in shape, and seams pass force between neighbours that pull differently.
 
-use fem::mesh::muscle::MuscleBlock;
-use fem::mesh::muscle::attachment::{Attachment, Role};
-use fem::mesh::muscle::tendon::Slip;
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{MembraneLawSpec, MembraneSpec, Scene, SolidSpec, StrandSpec, TieSpec};
+use mesher::MuscleBlock;
+use mesher::attachment::{Attachment, Role};
+use mesher::tendon::Slip;
 use nalgebra::Vector3;
 
 use super::tissue::{END_STIFFNESS, MATRIX, SHELL_SHEAR};

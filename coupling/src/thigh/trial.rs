@@ -1,12 +1,12 @@
 //! One muscle alone, both end faces held: how it bears being stretched and being contracted.
 
 use fem::measure::{Cut, section_force};
-use fem::mesh::muscle::fibres::{end_stiffness, share_of_length};
-use fem::mesh::muscle::{MuscleBlock, to_mesh};
 use fem::plan::Plan;
 use fem::run::{DriveFrame, Frame, Session};
 use fem::scene::{PrescribedSpec, Scene, SolidSpec};
 use fem::solve::Settings;
+use mesher::fibres::{end_stiffness, share_of_length};
+use mesher::{MuscleBlock, to_mesh};
 use nalgebra::Vector3;
 
 use super::build::add_fibres;

@@ -133,10 +133,7 @@ pub struct Surfaces {
 }
 
 /// The triangles of a face with corners at these places, as [`Surfaces::new`] divides it; of a triangle the last corner is there twice.
-pub fn collision_triangles(
-    [a, b, c, d]: [Vector3<f64>; 4],
-    is_triangle: bool,
-) -> Vec<[Vector3<f64>; 3]> {
+pub fn collision_triangles([a, b, c, d]: [Vector3<f64>; 4], is_triangle: bool) -> Vec<[Vector3<f64>; 3]> {
     if is_triangle {
         return vec![[a, b, c]];
     }

@@ -7,7 +7,6 @@ mod check;
 mod error;
 pub mod format;
 pub mod generate;
-pub mod muscle;
 pub mod quality;
 mod topology;
 

@@ -1,0 +1,418 @@
+//! `sartorius compare`: the gait steps on the deformable thigh beside the rigid leg, without and with contact.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+
+use super::progress::Progress;
+use super::scenes::{read_scene, scenes};
+use super::{Outcome, RunArguments, tell};
+use crate::error::CommandError;
+use crate::output::atomic::OutputFolder;
+use crate::output::compare::write_compare;
+use crate::output::origin::{Again, InputFile};
+use crate::output::run::{RunRecord, RunStatus};
+use crate::report::compare::{CompareReport, Computed};
+use coupling::number::plain;
+use coupling::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
+use coupling::study::compare::{MuscleForce, StressFree};
+use coupling::study::estimate::{Expected, Work};
+use coupling::study::explain::write_calibration;
+use coupling::study::{Prepared, STAGES, Sized, Study};
+use coupling::subject::words;
+use coupling::two_way::fixed_point::Scheme;
+use coupling::two_way::{Coupling, MOST_PASSES, Pass, write_missing, write_passes};
+
+#[derive(Args)]
+pub struct CompareArguments {
+    #[arg(help = scenes())]
+    scene: Option<PathBuf>,
+    /// Length of the edges of the mesh that is aimed at, in mm, in place of the scene's.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    resolution: Option<f64>,
+    /// Posture in which the mesh is free of stress, in place of the scene's: standing, or at heel strike as in the publication.
+    #[arg(long, value_enum)]
+    stress_free: Option<StressFreeChoice>,
+    /// Which configurations are computed [default: both where the scene has contact; without where it has none, or with --two-way].
+    #[arg(long, value_enum)]
+    contact: Option<ContactChoice>,
+    /// Only these muscles, by name, in place of the scene's.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Feed the forces and lever arms of the thigh back into force sharing until they no longer change; without contact, Hill fibres.
+    #[arg(long, value_enum, value_name = "SCHEME", num_args = 0..=1, require_equals = true, default_missing_value = "iqn-ils")]
+    two_way: Option<SchemeChoice>,
+    /// Passes of two-way coupling at most; the first is the one-way result.
+    #[arg(long, value_name = "N", default_value_t = MOST_PASSES as u16, value_parser = clap::value_parser!(u16).range(1..=200))]
+    passes: u16,
+    #[command(flatten)]
+    run: RunArguments,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SchemeChoice {
+    IqnIls,
+    Aitken,
+    Relaxation,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum StressFreeChoice {
+    Standing,
+    HeelStrike,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ContactChoice {
+    Both,
+    With,
+    Without,
+}
+
+impl CompareArguments {
+    /// The scene with what the command line puts in its place, and which configurations are asked for.
+    fn scene(&self) -> Result<(Scene, [bool; 2]), CommandError> {
+        let mut scene = match &self.scene {
+            None => Scene::walker(),
+            Some(file) => read_scene(file, self.run.data.as_deref())?,
+        };
+        if let Some(mm) = self.resolution {
+            if !RESOLUTIONS.contains(&mm) {
+                let (least, most) = (RESOLUTIONS.start(), RESOLUTIONS.end());
+                return Err(CommandError::Option(format!(
+                    "--resolution is {mm} mm; give {least} to {most} mm"
+                )));
+            }
+            scene.resolution = mm * 1e-3;
+        }
+        for name in &self.only {
+            known_muscle(name).map_err(|remedy| {
+                CommandError::Option(format!(
+                    "--only names `{name}`, which is no muscle of the thigh; {remedy}"
+                ))
+            })?;
+        }
+        if !self.only.is_empty() {
+            (scene.muscles, scene.deformable) = (self.only.clone(), true);
+        }
+        if let Some(choice) = self.stress_free {
+            let (reading, fibres) = match choice {
+                StressFreeChoice::Standing => (StressFree::Standing, Fibres::Hill),
+                StressFreeChoice::HeelStrike => (StressFree::HeelStrike, Fibres::Thermal),
+            };
+            if scene.stress_free != reading && scene.fibres != Fibres::None {
+                scene.fibres = fibres;
+            }
+            scene.stress_free = reading;
+        }
+        let has_contact = scene.contact.is_some();
+        if let (Some(_), Some(ContactChoice::Both | ContactChoice::With)) = (self.two_way, self.contact) {
+            return Err(CommandError::Option(
+                "--two-way couples the thigh without contact; leave out --contact".into(),
+            ));
+        }
+        let asked = match self.contact {
+            None => [true, has_contact && self.two_way.is_none()],
+            Some(ContactChoice::Without) => [true, false],
+            _ if !has_contact => {
+                let name = &scene.name;
+                return Err(CommandError::Option(format!(
+                    "--contact: the scene `{name}` has none; choose without"
+                )));
+            }
+            Some(ContactChoice::Both) => [true, true],
+            Some(ContactChoice::With) => [false, true],
+        };
+        Ok((scene, asked))
+    }
+}
+
+/// Factor of relaxation, and of the first pass of Aitken's scheme.
+const FIRST_FACTOR: f64 = 0.5;
+/// Factor of the first pass of IQN-ILS: the capacity hangs little on what it was asked with.
+const FULL: f64 = 1.0;
+
+/// Runs the command.
+pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, CommandError> {
+    let (scene, asked) = arguments.scene()?;
+    let two_way = arguments.two_way.map(|choice| {
+        let scheme = match choice {
+            SchemeChoice::IqnIls => Scheme::IqnIls(FULL),
+            SchemeChoice::Aitken => Scheme::Aitken(FIRST_FACTOR),
+            SchemeChoice::Relaxation => Scheme::Relaxation(FIRST_FACTOR),
+        };
+        (scheme, usize::from(arguments.passes))
+    });
+    if two_way.is_some() && !(scene.deformable && scene.fibres == Fibres::Hill && asked[0]) {
+        let why = "--two-way needs Hill fibres and the configuration without contact: set `fibres = \"hill\"` and muscles in the scene, and give no --contact with";
+        return Err(CommandError::Option(why.into()));
+    }
+    carry_out("compare", scene, asked, &arguments.run, two_way, quiet)
+}
+
+/// Name of the stage of two-way coupling.
+const TWO_WAY: &str = "two-way";
+
+/// Stages of a run, in their order.
+fn stages(scene: &Scene, asked: [bool; 2], two_way: bool) -> Vec<&'static str> {
+    let fibres = scene.fibres != Fibres::None;
+    let solved = [true, fibres, asked[0], asked[1], two_way].map(|here| here && scene.deformable);
+    let names = STAGES.into_iter().skip(1).chain([TWO_WAY]);
+    let solved = names.zip(solved).filter_map(|(name, here)| here.then_some(name));
+    std::iter::once(STAGES[0]).chain(solved).chain(["write"]).collect()
+}
+
+/// Carries out a scene for `command` and says what came of it. `two_way`: scheme and passes at most.
+pub(super) fn carry_out(
+    command: &str,
+    scene: Scene,
+    asked: [bool; 2],
+    arguments: &RunArguments,
+    two_way: Option<(Scheme, usize)>,
+    quiet: bool,
+) -> Result<Outcome, CommandError> {
+    let claim = arguments.out.claim(command, &scene.name)?;
+    let folder = &claim.path();
+    let mut record = RunRecord::new(command);
+    let mut progress = Progress::new(&stages(&scene, asked, two_way.is_some()), quiet);
+    let sized = Sized::new(scene, arguments.data.as_deref())?;
+    progress.lap(STAGES[0]);
+    progress.pause(|| tell(sized.doubts()));
+    if progress.is_shown() {
+        let thigh = sized.draft()?;
+        let works = Work::of_draft(&sized.scene, &thigh, asked);
+        let expected = Expected::of(&sized.scene, &thigh, works);
+        progress.expect(|stage| expected.of_stage(stage));
+    }
+    let prepared = Prepared::of(sized, &mut |stage| progress.lap(stage))?;
+    record.inputs.push(InputFile::of_text(&format!("{}.toml", prepared.scene.name), &prepared.scene.text));
+    for file in &prepared.inputs {
+        record.inputs.push(InputFile::of(file)?);
+    }
+    record.of_trial(&prepared.done.case.trial);
+    record.again = again(command, &prepared, asked, two_way);
+    let ready = prepared.calibrate(asked, folder, &mut |stage| progress.lap(stage))?;
+    let mut out = OutputFolder::begin(claim, arguments.resume)?;
+    let mut study =
+        prepared.solve_ready(ready, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
+    let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
+    let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
+    record.iterations.insert("newton".into(), count(&|run| run.iterations.len()));
+    record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
+    record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
+    let clock = Instant::now();
+    let coupling = two_way.map(|(scheme, most)| prepared.two_way(&study, scheme, most)).transpose()?;
+    let Coupling { passes, last, shortcomings: unsettled } = coupling.unwrap_or_default();
+    if !last.is_empty() {
+        prepared.adopt(&mut study, &last, clock.elapsed(), folder)?;
+    }
+    if two_way.is_some() {
+        progress.lap(TWO_WAY);
+    }
+    record.seconds = progress.seconds().to_vec();
+
+    let mut settings = prepared.scene.settings();
+    settings.insert(0, ("Subject".into(), words(&prepared.done.case.trial)));
+    if let Some((scheme, most)) = two_way {
+        settings.push(("Two-way coupling".into(), format!("{scheme:?}, at most {most} passes")));
+    }
+    if let Some((distance, [a, b])) = prepared.made.as_ref().and_then(|made| made.built.least_gap()) {
+        settings.push((
+            "Least distance of muscles in the mesh".into(),
+            format!("{:.1} mm ({a}, {b})", distance * 1e3),
+        ));
+    }
+    let notes = notes(&prepared, &study);
+    let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
+    let seconds = record.seconds.clone();
+    let computed =
+        |c: usize| study.configurations[c].as_ref().map(|(plan, result)| Computed { plan, result });
+    let report = CompareReport {
+        name: &prepared.scene.name,
+        subject: &words(&prepared.done.case.trial),
+        thigh: &study.thigh,
+        bones: prepared.made.as_ref().map_or(&[], |m| &m.bones),
+        mid_thigh: prepared.mid_thigh(),
+        steps: &study.steps,
+        configurations: [computed(0), computed(1)],
+        settings: &settings,
+        simulated: &simulated,
+        left_out: &left_out,
+        notes: &notes,
+        calibration: &study.calibration,
+        passes: &passes,
+        one_way: study.one_way.as_ref(),
+        unsettled: &unsettled,
+        seconds: &seconds,
+    };
+    record.settings = settings.iter().map(|(k, v)| (k.clone(), serde_json::Value::from(v.clone()))).collect();
+    let shortcomings = report.shortcomings();
+    if !shortcomings.is_empty() {
+        record.status = RunStatus::NotConverged;
+        record.reason = Some(shortcomings.join("; "));
+    }
+    out.write("explanation.csv", |w| study.write_explanations(w))?;
+    out.write("calibration.csv", |w| write_calibration(w, &study.thigh, &study.calibration))?;
+    if two_way.is_some() {
+        out.write("passes.csv", |w| write_passes(w, &study.steps, &passes))?;
+        out.write("missing_moments.csv", |w| write_missing(w, &study.thigh, &study.steps, &passes))?;
+    } else {
+        ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?;
+    }
+    let record = write_compare(out, &report, record)?;
+    progress.lap("write");
+    drop(progress);
+    let mut terminal = std::io::stdout().lock();
+    // A reader that closes the pipe early is no error.
+    let _ = if arguments.json {
+        let verdict = serde_json::json!({
+            "scene": prepared.scene.name, "status": record.status, "reason": record.reason,
+            "differences": record.verdict, "settled": report.settled(), "notes": notes, "two_way": two_way.map(|_| said_of(&passes, &unsettled)), "seconds": record.seconds.iter().map(|s| s.1).sum::<f64>(),
+            "files": folder.join("run.json"),
+        });
+        writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data"))
+    } else {
+        print(&mut terminal, &report, &record, folder).and_then(|()| print_passes(&mut terminal, &passes))
+    };
+    Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
+}
+
+/// What the reader must know: doubts about the trial, warnings about the mesh.
+fn notes(prepared: &Prepared, study: &Study) -> Vec<String> {
+    let mut notes = prepared.done.case.doubts.clone();
+    for warning in study.configurations.iter().flatten().flat_map(|(plan, _)| &plan.warnings) {
+        let warning = warning.to_string();
+        // Both configurations have the same mesh.
+        if !notes.contains(&warning) {
+            notes.push(warning);
+        }
+    }
+    notes
+}
+
+/// What `--json` says of two-way coupling.
+fn said_of(passes: &[Pass], unsettled: &[String]) -> serde_json::Value {
+    let last = passes.last();
+    serde_json::json!({
+        "settled": unsettled.is_empty(), "passes": passes.len(), "capacity_change": last.and_then(|p| p.change),
+        "largest_missing_Nm": last.map(Pass::largest_missing),
+    })
+}
+
+/// What computes the same again: the scene as it was carried out, and its trial.
+fn again(command: &str, prepared: &Prepared, asked: [bool; 2], two_way: Option<(Scheme, usize)>) -> Again {
+    let mut again = Again::default();
+    let trial = again.trial(&prepared.done.case.texts).map(|path| format!("../{path}"));
+    let scene = format!("scene/{}.toml", prepared.scene.name);
+    again.files.insert(scene.clone(), prepared.scene.resolved(trial.as_deref()));
+    again.arguments = vec![command.into(), scene];
+    if command == "compare" {
+        let contact = match asked {
+            [true, true] => "both",
+            [false, _] => "with",
+            [true, false] => "without",
+        };
+        again.arguments.push(format!("--contact={contact}"));
+    }
+    if let Some((scheme, most)) = two_way {
+        let scheme = match scheme {
+            Scheme::IqnIls(_) => "iqn-ils",
+            Scheme::Aitken(_) => "aitken",
+            Scheme::Relaxation(_) => "relaxation",
+        };
+        again.arguments.extend([format!("--two-way={scheme}"), format!("--passes={most}")]);
+    }
+    again
+}
+
+/// One line per pass of two-way coupling.
+fn print_passes(w: &mut impl Write, passes: &[Pass]) -> std::io::Result<()> {
+    for (k, pass) in passes.iter().enumerate() {
+        let change = pass.change.map_or("-".into(), |c| format!("{c:.2e}"));
+        writeln!(
+            w,
+            "pass {}: capacity changes by {change}, joint moments of the thigh miss {:.2} N m at most",
+            k + 1,
+            pass.largest_missing()
+        )?;
+    }
+    Ok(())
+}
+
+fn print(
+    w: &mut impl Write,
+    report: &CompareReport,
+    record: &RunRecord,
+    folder: &Path,
+) -> std::io::Result<()> {
+    let thigh = report.thigh;
+    let elements: usize = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum();
+    writeln!(
+        w,
+        "{} ({}): {} muscles, {elements} elements, {} nodes",
+        report.name,
+        report.subject,
+        thigh.muscles.len(),
+        thigh.mesh.points.len()
+    )?;
+    let differences = report.differences();
+    for (k, step) in report.steps.iter().enumerate() {
+        writeln!(
+            w,
+            "\n{} ({:.3} s, knee {} degrees)",
+            step.name.name(),
+            step.time,
+            plain(step.knee_flexion.to_degrees(), 0)
+        )?;
+        write!(
+            w,
+            "  {:<28}{:>10}{:>10}{:>14}{:>14}",
+            "muscle", "activation", "rigid N", "FE no contact", "FE contact"
+        )?;
+        let beside = if report.one_way.is_some() { "  one-way: rigid N   FE N" } else { "" };
+        writeln!(w, "{beside}")?;
+        for row in report.rows(k) {
+            let force = |f: Option<MuscleForce>| f.map_or("-".into(), |f| plain(f.total, 1));
+            let [without, with] = row.fe.map(force);
+            write!(
+                w,
+                "  {:<28}{:>10.3}{:>10}{without:>14}{with:>14}",
+                row.muscle,
+                row.activation,
+                plain(row.rigid, 1)
+            )?;
+            if let Some(before) = row.one_way {
+                write!(w, "{:>18}{:>7}", plain(before.rigid, 1), force(before.fe))?;
+            }
+            writeln!(w)?;
+        }
+        for d in differences.iter().filter(|d| d.step == step.name) {
+            writeln!(
+                w,
+                "  {}: mean difference {} N ({:.1} N of all muscles), largest {} N ({}); muscles share {:.1} cm3",
+                d.configuration,
+                d.mean.map_or("-".into(), |m| plain(m, 1)),
+                d.mean_of_all,
+                plain(d.largest, 1),
+                d.largest_muscle,
+                d.shared_volume
+            )?;
+        }
+    }
+    writeln!(w)?;
+    for note in report.notes {
+        writeln!(w, "  note: {note}")?;
+    }
+    for settled in report.settled() {
+        writeln!(w, "  {settled}")?;
+    }
+    for (stage, seconds) in &record.seconds {
+        writeln!(w, "  {stage:<18}{seconds:>8.1} s")?;
+    }
+    if let Some(reason) = &record.reason {
+        writeln!(w, "not converged: {reason}")?;
+    }
+    writeln!(w, "files in {}, open report.html there", folder.display())
+}

@@ -1,0 +1,58 @@
+//! Why a command ended without results.
+
+use coupling::error::StudyError;
+use thiserror::Error;
+
+use crate::output::OutputError;
+
+/// What stops a command.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CommandError {
+    /// The study found no results.
+    #[error(transparent)]
+    Study(#[from] StudyError),
+    /// What stops one leg of a trial of both.
+    #[error("{side} leg: {source}")]
+    OfLeg {
+        /// `right` or `left`.
+        side: &'static str,
+        /// Why.
+        source: StudyError,
+    },
+    /// Results cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// What the command line says cannot be.
+    #[error("{0}")]
+    Option(String),
+}
+
+impl CommandError {
+    /// Exit code of the process: 3 where a solver failed, 2 for bad input.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            CommandError::Study(source) => source.exit_code(),
+            CommandError::OfLeg { source, .. } => source.exit_code(),
+            _ => 2,
+        }
+    }
+}
+
+/// What is read for a command alone, without a study, stops it as it would stop one.
+macro_rules! as_in_a_study {
+    ($($source:ty),+) => {
+        $(impl From<$source> for CommandError {
+            fn from(source: $source) -> CommandError {
+                CommandError::Study(source.into())
+            }
+        })+
+    };
+}
+
+as_in_a_study!(
+    multibody::InputError,
+    multibody::model::ModelError,
+    fem::mesh::MeshError,
+    mesher::from_surface::SectionError
+);

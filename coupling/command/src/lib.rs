@@ -1,0 +1,8 @@
+//! The command `sartorius`: the command line, the files of a run and its pages.
+//!
+//! What is computed is in [`coupling`]; nothing there knows of files that are written or of pages.
+
+pub mod cli;
+pub mod error;
+pub mod output;
+pub mod report;

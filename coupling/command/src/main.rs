@@ -1,0 +1,5 @@
+//! The command `sartorius`.
+
+fn main() -> std::process::ExitCode {
+    command::cli::main()
+}

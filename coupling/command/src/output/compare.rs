@@ -1,0 +1,123 @@
+//! What `compare` writes beside the frames of its configurations: the table, forces for OpenSim users, the page.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use fem::restart::remove_states;
+
+use super::atomic::OutputFolder;
+use super::run::{self, RunRecord};
+use super::tables::Series;
+use super::{OutputError, sto};
+use crate::report::compare::{CompareReport, OneWayRow, compare_page};
+use coupling::number::plain;
+use coupling::study::{FOLDERS, ONE_WAY_FOLDER};
+
+/// Writes tables, page and, last of all, `run.json` into `out`.
+pub fn write_compare(
+    mut out: OutputFolder,
+    report: &CompareReport,
+    mut record: RunRecord,
+) -> Result<RunRecord, OutputError> {
+    out.write("comparison.csv", |w| write_comparison(w, report))?;
+    for (c, name) in ["fe_forces_no_contact", "fe_forces_contact"].into_iter().enumerate() {
+        let file = format!("{name}.sto");
+        match forces(report, |row| row.fe[c].map_or(f64::NAN, |f| f.total)) {
+            series if report.configurations[c].is_some() => out.write(&file, |w| {
+                sto::write(w, &format!("{} {name} ({})", report.name, report.subject), &series, false)
+            })?,
+            _ => out.remove(&file)?,
+        }
+    }
+    let rigid = forces(report, |row| row.rigid);
+    out.write("rigid_forces.sto", |w| {
+        sto::write(w, &format!("{} rigid_forces ({})", report.name, report.subject), &rigid, false)
+    })?;
+    let before = |of: fn(OneWayRow) -> f64| forces(report, move |row| row.one_way.map_or(f64::NAN, of));
+    for (name, series) in [
+        ("rigid_forces_one_way", before(|b| b.rigid)),
+        ("fe_forces_no_contact_one_way", before(|b| b.fe.map_or(f64::NAN, |f| f.total))),
+    ] {
+        let file = format!("{name}.sto");
+        match report.one_way {
+            Some(_) => {
+                let title = format!("{} {name} ({})", report.name, report.subject);
+                out.write(&file, |w| sto::write(w, &title, &series, false))?
+            }
+            None => out.remove(&file)?,
+        }
+    }
+    let page = compare_page(report);
+    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    record.notes = report.notes.to_vec();
+    record.verdict = serde_json::to_value(report.differences()).ok();
+    record.settled = serde_json::to_value(report.settled()).expect("plain data");
+    record.files = out.files().to_vec();
+    for folder in FOLDERS.into_iter().chain(report.one_way.map(|_| ONE_WAY_FOLDER)) {
+        // What a killed run would have gone on from.
+        let path = out.path().join(folder);
+        remove_states(&path, "thigh").map_err(|e| OutputError::at("remove the states in", &path, e))?;
+        record.files.extend(names_in(&path).into_iter().map(|name| format!("{folder}/{name}")));
+    }
+    record.peak_memory_mib = run::peak_memory_mib();
+    out.finish(&record)?;
+    Ok(record)
+}
+
+/// Names of the files of a folder, sorted; none where it is absent.
+fn names_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// A force per muscle at the time of each step.
+fn forces(report: &CompareReport, force: impl Fn(&crate::report::compare::Row) -> f64) -> Series {
+    let rows: Vec<_> = (0..report.steps.len()).map(|k| report.rows(k)).collect();
+    let column = |(i, muscle): (usize, &coupling::thigh::build::ThighMuscle)| {
+        (muscle.name.clone(), rows.iter().map(|r| force(&r[i])).collect())
+    };
+    Series {
+        time: report.steps.iter().map(|s| s.time).collect(),
+        columns: report.thigh.muscles.iter().enumerate().map(column).collect(),
+    }
+}
+
+/// `comparison.csv`: a row per step and muscle; the parts are those with contact where there is contact. Of a two-way result the columns are
+/// those of its last pass, and the one-way result follows.
+fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()> {
+    writeln!(
+        w,
+        "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
+         fibre_N,matrix_N,shell_N{}",
+        if report.one_way.is_some() {
+            ",activation_one_way,rigid_one_way_N,fe_no_contact_one_way_N"
+        } else {
+            ""
+        }
+    )?;
+    for (k, step) in report.steps.iter().enumerate() {
+        for row in report.rows(k) {
+            let number = |v: Option<f64>| v.map_or(String::new(), |v| plain(v, 3));
+            let parts = row.fe[1].or(row.fe[0]);
+            let columns = [
+                number(Some(row.rigid)),
+                number(row.fe[0].map(|f| f.total)),
+                number(row.fe[1].map(|f| f.total)),
+                number(row.difference(0)),
+                number(row.difference(1)),
+                number(parts.map(|f| f.fibre)),
+                number(parts.map(|f| f.matrix)),
+                number(parts.map(|f| f.shell)),
+            ];
+            write!(w, "{},{},{:.4},{}", step.name.name(), row.muscle, row.activation, columns.join(","))?;
+            if let Some(before) = row.one_way {
+                let [rigid, fe] = [Some(before.rigid), before.fe.map(|f| f.total)].map(number);
+                write!(w, ",{:.4},{rigid},{fe}", before.activation)?;
+            }
+            writeln!(w)?;
+        }
+    }
+    Ok(())
+}

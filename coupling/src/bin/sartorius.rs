@@ -1,5 +1,0 @@
-//! The command `sartorius`.
-
-fn main() -> std::process::ExitCode {
-    coupling::cli::main()
-}

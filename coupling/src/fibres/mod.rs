@@ -1,0 +1,147 @@
+//! Fibres of a comparison: which law they have, how they are calibrated, and which controls drive them at the steps.
+
+#![allow(non_snake_case)]
+
+pub mod alone;
+pub mod cache;
+pub mod hill_calibration;
+pub mod muscle_unit;
+pub mod thermal_calibration;
+
+use fem::solve::Settings;
+use multibody::model::Model;
+use multibody::muscle::hill;
+
+use crate::fibres::cache::Cache;
+use crate::fibres::hill_calibration::{Calibrated, Posture, calibrate_hill, with_laws};
+use crate::fibres::muscle_unit::{Fit, MuscleUnit};
+use crate::fibres::thermal_calibration::{CalibrationError, FibreCurve, calibrate};
+use crate::number::short;
+use crate::scene::Fibres;
+use crate::steps::{RigidStep, rigid_muscles_at, rigid_muscles_standing};
+use crate::study::compare::{CompareError, StressFree, wanted};
+use crate::thigh::build::Thigh;
+use crate::thigh::registration::Registration;
+
+/// Hip and knee flexion \[degrees\] in which calibrated muscles are looked at; no gait step has them.
+const POSTURES: [[f64; 2]; 2] = [[-10.0, 10.0], [15.0, 40.0]];
+
+/// What a calibration found.
+pub enum Calibration {
+    /// There are no fibres.
+    None,
+    /// Thermal fibres: force over contraction, per muscle.
+    Thermal(Vec<FibreCurve>),
+    /// Hill fibres.
+    Hill {
+        /// Per muscle.
+        muscles: Vec<Calibrated>,
+        /// The units in the posture of the mesh, per muscle.
+        units: Vec<MuscleUnit>,
+        /// How many times longer than the generic leg that of the mesh is.
+        scale: f64,
+    },
+}
+
+/// A thigh whose fibres are ready for the steps.
+pub struct DrivenFibres {
+    /// The thigh with the laws of its fibres.
+    pub thigh: Thigh,
+    /// What was found on the way.
+    pub calibration: Calibration,
+    /// Per step the control of every muscle: contraction of thermal fibres, isometric activation of Hill fibres.
+    pub controls: Vec<Vec<f64>>,
+}
+
+/// Calibrates the fibres of a thigh without contact and finds the controls of the steps. What `cache` has is not computed.
+pub fn driven_fibres(
+    thigh: &Thigh,
+    model: &Model,
+    registration: &Registration,
+    steps: &[RigidStep],
+    stress_free: StressFree,
+    kind: Fibres,
+    settings: &Settings,
+    cache: Option<&Cache>,
+) -> Result<DrivenFibres, CompareError> {
+    match kind {
+        Fibres::None => {
+            let controls = vec![vec![0.0; thigh.muscles.len()]; steps.len()];
+            Ok(DrivenFibres { thigh: thigh.clone(), calibration: Calibration::None, controls })
+        }
+        Fibres::Thermal => thermal(thigh, steps, settings, cache),
+        Fibres::Hill => hill(thigh, model, registration, steps, stress_free, settings, cache),
+    }
+}
+
+fn thermal(
+    thigh: &Thigh,
+    steps: &[RigidStep],
+    settings: &Settings,
+    cache: Option<&Cache>,
+) -> Result<DrivenFibres, CompareError> {
+    let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
+    let curves = calibrate(thigh, &forces, settings, cache)?;
+    let contraction = |(i, force): (usize, &f64)| {
+        curves[i].contraction_for(*force).ok_or_else(|| CalibrationError::TooWeak {
+            muscle: thigh.muscles[i].name.clone(),
+            wanted: *force,
+            reached: curves[i].force.last().copied().unwrap_or(0.0),
+            contraction: curves[i].contraction.last().copied().unwrap_or(0.0),
+        })
+    };
+    let of_step = |forces: &Vec<f64>| forces.iter().enumerate().map(contraction).collect::<Result<_, _>>();
+    let controls = forces.iter().map(of_step).collect::<Result<_, _>>()?;
+    Ok(DrivenFibres { thigh: thigh.clone(), calibration: Calibration::Thermal(curves), controls })
+}
+
+fn hill(
+    thigh: &Thigh,
+    model: &Model,
+    registration: &Registration,
+    steps: &[RigidStep],
+    stress_free: StressFree,
+    settings: &Settings,
+    cache: Option<&Cache>,
+) -> Result<DrivenFibres, CompareError> {
+    let curves = hill::Settings::default().curves;
+    // In the posture for which the mesh is taken.
+    let meshed = match stress_free {
+        StressFree::Standing => rigid_muscles_standing(model, registration),
+        StressFree::HeelStrike => steps[0].muscles.clone(),
+    };
+    let units: Vec<MuscleUnit> = thigh
+        .muscles
+        .iter()
+        .map(|m| meshed.iter().find(|r| r.name == m.name).expect("every muscle of the thigh has lines"))
+        .map(|rigid| MuscleUnit::new(rigid, curves))
+        .collect();
+    let scale = registration.thigh_length() / multibody::muscle::path::GENERIC_THIGH;
+    let posture = |[hip, knee]: [f64; 2]| {
+        let Q = registration.posture(model, hip.to_radians(), knee.to_radians())?;
+        Some(Posture {
+            name: format!("hip {}, knee {} degrees", short(hip), short(knee)),
+            poses: registration.poses(model, &Q),
+            muscles: rigid_muscles_at(model, registration, &Q),
+        })
+    };
+    let postures: Vec<Posture> = match stress_free {
+        StressFree::Standing => POSTURES.into_iter().filter_map(posture).collect(),
+        StressFree::HeelStrike => Vec::new(),
+    };
+    let muscles = calibrate_hill(thigh, &units, scale, &postures, settings, cache)?;
+    let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
+    let thigh = with_laws(thigh, &units, scale, &fits);
+    let mut controls = Vec::new();
+    for step in steps {
+        let drive = |(muscle, unit): (&crate::thigh::build::ThighMuscle, &MuscleUnit)| {
+            let rigid = step.muscle(&muscle.name).expect("every muscle of the thigh has lines");
+            unit.drive(rigid).ok_or_else(|| CalibrationError::BeyondHill {
+                muscle: muscle.name.clone(),
+                wanted: rigid.lines.iter().map(|l| l.hill_force).sum(),
+            })
+        };
+        controls.push(thigh.muscles.iter().zip(&units).map(drive).collect::<Result<Vec<f64>, _>>()?);
+    }
+    Ok(DrivenFibres { thigh, calibration: Calibration::Hill { muscles, units, scale }, controls })
+}

@@ -1,0 +1,454 @@
+//! A scene carried out: the rigid leg, the mesh, the fibres, and the steps in each configuration.
+
+#![allow(non_snake_case)]
+
+pub mod compare;
+pub mod estimate;
+pub mod explain;
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use fem::mesh::Mesh;
+use fem::output::{Restart, write_run};
+use fem::plan::Plan;
+use fem::run::{Drive, Frame, Run};
+use fem::solve::{Iteration, Settings, Stability, Way};
+use mesher::limb::Limb;
+
+use crate::error::StudyError;
+use crate::fibres::cache::{Cache, content_hash};
+use crate::fibres::muscle_unit::Fit;
+use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
+use crate::optimize::{OptimizeOptions, Optimized, optimize};
+use crate::scene::{Fibres, Scene};
+use crate::steps::{RigidStep, rigid_step};
+use crate::study::compare::{CompareError, Configuration, beside, configuration, drive, measured};
+use crate::subject::{factors, limb_map};
+use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
+use crate::thigh::lines::lines_of_muscles;
+use crate::thigh::registration::{MeshFrames, Registration};
+use crate::thigh::{BuiltIn, draft, from_limb, limb, limb_of_surfaces};
+use crate::two_way::fixed_point::Scheme;
+use crate::two_way::{Coupled, Coupling, TwoWay};
+
+/// Newton's method ends where the residual is below 1e-4 of the forces in play, which count at least 1000 N, or where the
+/// [scene](Scene::residuals) says: forces of single muscles are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
+/// iterations to find out exactly how it hangs.
+pub const SETTINGS: Settings = Settings {
+    tolerance: 1e-4,
+    least_force: 1000.0,
+    max_iterations: 400,
+    max_work: 5000,
+    first_step: 1.0,
+    least_step: 1e-4,
+    double_precision_factor: false,
+    stability: Stability::Never,
+    way: Way::Guided,
+};
+
+/// Folders of the frames without and with contact.
+pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
+/// Folder of the frames of the one-way result, where there is a two-way one.
+pub const ONE_WAY_FOLDER: &str = "one_way";
+/// Stages of a study, in their order.
+pub const STAGES: [&str; 5] = ["rigid leg", "mesh", "calibration", "without contact", "with contact"];
+
+/// A scene with everything but the solution.
+pub struct Prepared {
+    /// The scene.
+    pub scene: Scene,
+    /// The rigid leg.
+    pub done: Optimized,
+    /// Where the bones of the mesh are.
+    pub registration: Registration,
+    /// What the rigid leg says of the steps.
+    pub steps: Vec<RigidStep>,
+    /// Mesh and bones; `None` for the rigid leg alone.
+    pub made: Option<BuiltIn>,
+    /// The thigh; of the rigid leg alone just the names of its muscles.
+    pub thigh: Thigh,
+    /// Files that were read.
+    pub inputs: Vec<PathBuf>,
+}
+
+/// A scene that can be solved: nothing is wrong with it.
+pub struct Ready {
+    /// The thigh with its fibres.
+    pub thigh: Thigh,
+    /// How its fibres were calibrated.
+    pub calibration: Calibration,
+    /// Per step the control of every muscle.
+    pub controls: Vec<Vec<f64>>,
+    /// Without and with contact, where asked for.
+    plans: [Option<Plan>; 2],
+}
+
+/// What came of a scene.
+pub struct Study {
+    /// The thigh with its fibres.
+    pub thigh: Thigh,
+    /// How its fibres were calibrated.
+    pub calibration: Calibration,
+    /// Per step the control of every muscle.
+    pub controls: Vec<Vec<f64>>,
+    /// What the rigid leg says of the steps; after two-way coupling the forces of its last pass.
+    pub steps: Vec<RigidStep>,
+    /// Without and with contact, where asked for; after two-way coupling those of its last pass.
+    pub configurations: [Option<(Plan, Configuration)>; 2],
+    /// What stood there before two-way coupling.
+    pub one_way: Option<OneWay>,
+}
+
+/// The one-way result beside a two-way one.
+pub struct OneWay {
+    /// What the rigid leg says of the steps.
+    pub steps: Vec<RigidStep>,
+    /// The thigh without contact.
+    pub result: Configuration,
+}
+
+/// A scene with the rigid leg, before its mesh.
+pub struct Sized {
+    /// The scene.
+    pub scene: Scene,
+    done: Optimized,
+    registration: Registration,
+    steps: Vec<RigidStep>,
+    /// Muscles and bones in the size of the subject; `None` for the rigid leg alone.
+    limb: Option<Limb>,
+    inputs: Vec<PathBuf>,
+}
+
+impl Sized {
+    /// Computes the rigid leg and reads the thigh. `data`: folder of recordings and surfaces.
+    pub fn new(scene: Scene, data: Option<&Path>) -> Result<Sized, StudyError> {
+        let options = OptimizeOptions {
+            trial: scene.trial.clone(),
+            data: data.map(Path::to_path_buf),
+            ..OptimizeOptions::default()
+        };
+        let done = optimize(&options)?;
+        let mut inputs = done.case.inputs.clone();
+        // Surfaces of one's own are taken as they are.
+        let sizes = scene.surfaces.is_none().then(|| factors(&done.model));
+        let frames = MeshFrames::built_in().sized(sizes.map_or(1.0, |s| s.thigh));
+        let registration = Registration::new(frames, &done.model).ok_or_else(|| {
+            StudyError::Option("the patella of the rigid leg finds no place at full extension".into())
+        })?;
+        let mut steps = Vec::new();
+        for spec in &scene.steps {
+            let mut step = rigid_step(&done, &registration, spec.name).map_err(StudyError::NotConverged)?;
+            if let Some(flexion) = spec.knee_flexion {
+                let Q = &done.motion.Q[done.motion.report.start + step.row];
+                step.poses = registration.poses_at_flexion(&done.model, Q, flexion).ok_or_else(|| {
+                    let degrees = flexion.to_degrees();
+                    StudyError::Option(format!(
+                        "the knee of the rigid leg cannot be flexed by {degrees:.1} degrees"
+                    ))
+                })?;
+                step.knee_flexion = flexion;
+            }
+            steps.push(step);
+        }
+        let limb = match (&scene.surfaces, scene.deformable) {
+            (_, false) => None,
+            (None, true) => Some(match &sizes {
+                Some(sizes) => limb()?.mapped(&limb_map(sizes))?,
+                None => limb()?,
+            }),
+            (Some(folder), true) => {
+                let (limb, files) =
+                    limb_of_surfaces(folder, &folder.join("..").join("bones"), &scene.muscles)?;
+                inputs.extend(files);
+                Some(limb)
+            }
+        };
+        Ok(Sized { scene, done, registration, steps, limb, inputs })
+    }
+
+    /// What the trial file says that rarely is so, or is left out of account.
+    pub fn doubts(&self) -> &[String] {
+        &self.done.case.doubts
+    }
+
+    /// The thigh before its mesh is made, to be counted; without muscles where the rigid leg is alone.
+    pub fn draft(&self) -> Result<Thigh, StudyError> {
+        let Some(limb) = &self.limb else { return Ok(names_only()) };
+        let Scene { resolution, draw_in, muscles, .. } = &self.scene;
+        let mut thigh = draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?;
+        self.scene.materials.apply(&mut thigh).map_err(StudyError::Option)?;
+        Ok(thigh)
+    }
+}
+
+fn effects(scene: &Scene) -> ThighEffects {
+    ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells }
+}
+
+impl Prepared {
+    /// Computes the rigid leg and meshes the thigh. `data`: folder of recordings and surfaces; `lap` is called as each stage ends.
+    pub fn new(scene: Scene, data: Option<&Path>, lap: &mut dyn FnMut(&str)) -> Result<Prepared, StudyError> {
+        let sized = Sized::new(scene, data)?;
+        lap(STAGES[0]);
+        Prepared::of(sized, lap)
+    }
+
+    /// Meshes the thigh. `lap` is called as that ends.
+    pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, StudyError> {
+        let Sized { scene, done, registration, steps, limb, inputs } = sized;
+        let mut made = limb
+            .map(|limb| from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects(&scene)))
+            .transpose()?;
+        if let Some(made) = &mut made {
+            scene.materials.apply(&mut made.thigh).map_err(StudyError::Option)?;
+            lap(STAGES[1]);
+        }
+        let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
+        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs })
+    }
+
+    /// Elements of the muscles.
+    pub fn n_elements(&self) -> usize {
+        self.thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum()
+    }
+
+    /// Height of the section through the middle of the thigh \[m\].
+    pub fn mid_thigh(&self) -> f64 {
+        let frames = self.registration.frames();
+        0.5 * (frames.hip.y + frames.knee.y)
+    }
+
+    /// Compiles the thigh with (1) or without contact (0).
+    pub fn plan(&self, thigh: &Thigh, configuration: usize) -> Result<Plan, StudyError> {
+        let Thigh { scene, mesh, .. } = self.configured(thigh, configuration);
+        Plan::new(&scene, mesh).map_err(|e| StudyError::Option(e.to_string()))
+    }
+
+    /// The thigh with (1) or without contact (0).
+    fn configured(&self, thigh: &Thigh, configuration: usize) -> Thigh {
+        let mut thigh = thigh.clone();
+        if let (1, Some(made), Some(mode)) = (configuration, &self.made, self.scene.contact) {
+            thigh.add_contact(&made.bones, &made.attachments);
+            thigh.scene.contact.as_mut().expect("just added").mode = mode;
+        }
+        thigh
+    }
+
+    /// Calibrates the fibres and compiles the configurations that are `asked` for: without contact, with contact. What is wrong with the
+    /// scene shows here. Calibrations are kept in the [`Cache`] beside `folder`. `lap` is called as the stage ends.
+    pub fn calibrate(
+        &self,
+        asked: [bool; 2],
+        folder: &Path,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Ready, StudyError> {
+        let thigh = self.thigh.clone();
+        let calibration = Calibration::None;
+        let mut ready = Ready { thigh, calibration, controls: Vec::new(), plans: [None, None] };
+        if self.made.is_none() {
+            return Ok(ready);
+        }
+        let DrivenFibres { thigh, calibration, controls } = driven_fibres(
+            &self.thigh,
+            &self.done.model,
+            &self.registration,
+            &self.steps,
+            self.scene.stress_free,
+            self.scene.fibres,
+            &SETTINGS,
+            Some(&Cache::beside(folder)),
+        )?;
+        (ready.thigh, ready.calibration, ready.controls) = (thigh, calibration, controls);
+        if self.scene.fibres != Fibres::None {
+            lap(STAGES[2]);
+        }
+        for c in (0..2).filter(|c| asked[*c]) {
+            ready.plans[c] = Some(self.plan(&ready.thigh, c)?);
+        }
+        Ok(ready)
+    }
+
+    /// [`Prepared::calibrate`] and [`Prepared::solve_ready`].
+    pub fn solve(
+        &self,
+        asked: [bool; 2],
+        folder: &Path,
+        resume: bool,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Study, StudyError> {
+        self.solve_ready(self.calibrate(asked, folder, lap)?, folder, resume, lap)
+    }
+
+    /// Solves the steps in every configuration; frames go to the [`FOLDERS`] in `folder`.
+    /// `resume`: solved frames of a killed run of the same scene are taken over. `lap` is called as each stage ends.
+    pub fn solve_ready(
+        &self,
+        ready: Ready,
+        folder: &Path,
+        resume: bool,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Study, StudyError> {
+        let Ready { thigh, calibration, controls, plans } = ready;
+        let mut study = Study {
+            thigh,
+            calibration,
+            controls,
+            steps: self.steps.clone(),
+            configurations: [None, None],
+            one_way: None,
+        };
+        let (thigh, steps) = (&study.thigh, &self.steps);
+        for (c, plan) in plans.into_iter().enumerate() {
+            let Some(plan) = plan else { continue };
+            let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
+            let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
+            let mut settings = Settings { tolerance, ..SETTINGS };
+            if let Some(parts) = self.scene.strict_parts {
+                (settings.way, settings.first_step) = (Way::Strict, 1.0 / parts as f64);
+            }
+            if self.scene.check_stability {
+                settings.stability = Stability::Always;
+            }
+            let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
+            let restart = Restart { key: &key, resume };
+            let folder = folder.join(FOLDERS[c]);
+            let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+            let beside = beside(&way, steps, self.scene.stress_free, bones);
+            let done =
+                configuration(&plan, thigh, &way, steps, &settings, &folder, &beside, restart, &mut |_| ())?;
+            lap(STAGES[3 + c]);
+            study.configurations[c] = Some((plan, done));
+        }
+        Ok(study)
+    }
+
+    /// Two-way coupling from the one-way result without contact, `most` passes at most. Needs Hill fibres and all steps solved.
+    pub fn two_way(&self, study: &Study, scheme: Scheme, most: usize) -> Result<Coupling, StudyError> {
+        let (Calibration::Hill { muscles, units, scale }, Some((plan, alone))) =
+            (&study.calibration, &study.configurations[0])
+        else {
+            let why = "two-way coupling needs Hill fibres and the configuration without contact";
+            return Err(StudyError::Option(why.into()));
+        };
+        let first: Vec<&Frame> = alone.at_steps().collect();
+        if first.len() < self.steps.len() {
+            return Err(StudyError::NotConverged("two-way coupling needs all steps solved one-way".into()));
+        }
+        let way = drive(plan, &study.thigh, &study.controls, &self.steps, self.scene.stress_free)?;
+        let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
+        let two_way = TwoWay {
+            done: &self.done,
+            registration: &self.registration,
+            steps: &self.steps,
+            thigh: &study.thigh,
+            plan,
+            drive: &way,
+            units,
+            fits: &fits,
+            scale: *scale,
+            settings: &SETTINGS,
+        };
+        two_way.passes(&first, scheme, most)
+    }
+
+    /// Makes the last pass of two-way coupling the result of the study, with the one-way result [beside it](Study::one_way); its frames go
+    /// to the folder of the configuration, those of the one-way result to [`ONE_WAY_FOLDER`]. `took`: the wall time of the passes.
+    pub fn adopt(
+        &self,
+        study: &mut Study,
+        last: &[Coupled],
+        took: Duration,
+        folder: &Path,
+    ) -> Result<(), StudyError> {
+        let (plan, one_way) = study.configurations[0].take().expect("the passes began from it");
+        let way = drive(&plan, &study.thigh, &study.controls, &self.steps, self.scene.stress_free)?;
+        let on_the_way = one_way.on_the_way;
+        let mut run = Run {
+            frames: one_way.run.frames[..on_the_way].to_vec(),
+            iterations: one_way.run.iterations.iter().filter(|row| row.step < on_the_way).cloned().collect(),
+            ..Run::default()
+        };
+        for (k, coupled) in last.iter().enumerate() {
+            run.frames.push(coupled.frame.clone());
+            run.iterations.extend(
+                coupled.iterations.iter().cloned().map(|row| Iteration { step: on_the_way + k, ..row }),
+            );
+        }
+        let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+        let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
+        let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
+        write(&one_way.run, ONE_WAY_FOLDER)
+            .and_then(|()| write(&run, FOLDERS[0]))
+            .map_err(CompareError::from)?;
+        let steps: Vec<RigidStep> = self
+            .steps
+            .iter()
+            .zip(last)
+            .map(|(step, coupled)| self.coupled_step(study, step, coupled))
+            .collect();
+        let result = measured(&plan, &study.thigh, run, &steps, on_the_way, took);
+        study.configurations[0] = Some((plan, result));
+        study.one_way = Some(OneWay { steps: std::mem::replace(&mut study.steps, steps), result: one_way });
+        Ok(())
+    }
+
+    /// A step with the forces that force sharing wants of the coupled thigh, and the activations that drive it.
+    fn coupled_step(&self, study: &Study, step: &RigidStep, coupled: &Coupled) -> RigidStep {
+        let mut step = step.clone();
+        for muscle in &mut step.muscles {
+            let meshed = study.thigh.muscles.iter().position(|m| m.name == muscle.name);
+            for line in &mut muscle.lines {
+                let i =
+                    self.done.model.muscles.iter().position(|m| m.name == line.name).expect("tables agree");
+                (line.force, line.hill_force) = (coupled.tensions[i], coupled.tensions[i]);
+                if let Some(m) = meshed {
+                    line.activation = coupled.drives[m];
+                }
+            }
+        }
+        step
+    }
+}
+
+impl Study {
+    /// `explanation.csv`: a row per step, configuration and muscle.
+    pub fn write_explanations(&self, w: &mut dyn Write) -> io::Result<()> {
+        writeln!(w, "{}", explain::COLUMNS)?;
+        for (plan, result) in self.configurations.iter().flatten() {
+            let name = if plan.islands.iter().any(|i| i.contact.is_some()) { FOLDERS[1] } else { FOLDERS[0] };
+            for (step, frame) in self.steps.iter().zip(result.at_steps()) {
+                let rows = explain::explain(plan, &self.thigh, &self.calibration, step, frame);
+                explain::write_rows(w, step.name.name(), name, &rows)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.
+fn run_key(scene: &fem::scene::Scene, plan: &Plan, drive: &Drive, settings: &Settings) -> String {
+    content_hash(&plan.mesh, &format!("{scene:?}{drive:?}{settings:?}"))
+}
+
+/// The muscles of the rigid leg that the thigh would have, without mesh.
+fn names_only() -> Thigh {
+    let muscle = |name: String| ThighMuscle {
+        name,
+        line: Vec::new(),
+        s: Vec::new(),
+        areas: Vec::new(),
+        fibre_area: 0.0,
+        fibre_length: 0.0,
+        first_node: 0,
+        nodes_per_layer: 0,
+        tied: Default::default(),
+    };
+    Thigh {
+        mesh: Mesh::default(),
+        scene: Default::default(),
+        muscles: lines_of_muscles().into_keys().map(muscle).collect(),
+        tendons: Vec::new(),
+    }
+}

@@ -1,0 +1,188 @@
+//! What the muscles of the deformable thigh can do at a step, in the terms of force sharing: bounds of their tensions and lever arms.
+//!
+//! The tissue of a muscle pulls at the bones that it is tied to. The virtual work of these forces per joint coordinate is the moment of
+//! the muscle; over the force through its belly it is its lever arm, to be held against those of the lines of the rigid leg.
+//!
+//! Bones move relative to the femur: the forces of what is in equilibrium add up to nothing, so its work is the same as with the pelvis
+//! held. But then the moment about the hip is that of the forces on the pelvis, which no other muscle shares. At the knee, muscles that
+//! are sewn together pull at the patella with what seams pass from head to head, so the work there says nothing about one head, only
+//! about all of them: they are one [unit](sewn), whose moment is shared out by [`as_units`].
+
+#![allow(non_snake_case)]
+
+use fem::body::Wrench;
+use fem::effect::Part;
+use fem::measure::{Snapshot, nodal_forces};
+use fem::plan::Plan;
+use multibody::model::Model;
+use multibody::natural::{Coordinates, SegmentId};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use crate::thigh::build::Thigh;
+use crate::thigh::registration::Registration;
+use crate::thigh::section::belly_force;
+
+/// Below this force \[N\] moment over force says nothing about a lever arm.
+const LEAST_FORCE: f64 = 20.0;
+/// Step of the difference quotient along the natural coordinates \[rad\].
+const STEP: f64 = 1e-6;
+
+/// How the bones of the thigh move with the joint coordinates, the femur held.
+pub struct VirtualTwists {
+    /// Per body of the scene (pelvis, patella, shank): its name, and per coordinate the velocity of its point at the hip centre \[m/rad\]
+    /// and its angular velocity, in the frame of the mesh.
+    bodies: Vec<(&'static str, Vec<[Vector3<f64>; 2]>)>,
+    /// Hip centre in the mesh \[m\].
+    hip: Vector3<f64>,
+}
+
+impl VirtualTwists {
+    /// `tangent`: dQ/dq of the leg ([`multibody::equilibrium::Equilibrium::tangent`]).
+    pub fn new(
+        model: &Model,
+        registration: &Registration,
+        Q: &Coordinates,
+        tangent: &DMatrix<f64>,
+    ) -> VirtualTwists {
+        let hip = model.pose(SegmentId::Thigh, Q).p;
+        // With the pelvis held, as the coordinates have it.
+        let twist = |segment: SegmentId, c: usize| {
+            let moved = |h: f64| {
+                let mut Q = *Q;
+                (0..tangent.nrows()).for_each(|i| Q[i] += h * tangent[(i, c)]);
+                model.pose(segment, &Q)
+            };
+            let (here, ahead, behind) = (model.pose(segment, Q), moved(STEP), moved(-STEP));
+            let local = here.R.transpose() * (hip - here.p);
+            let velocity = (ahead.R * local + ahead.p - behind.R * local - behind.p) / (2.0 * STEP);
+            let spin = (ahead.R - behind.R) / (2.0 * STEP) * here.R.transpose();
+            let omega = 0.5
+                * Vector3::new(
+                    spin[(2, 1)] - spin[(1, 2)],
+                    spin[(0, 2)] - spin[(2, 0)],
+                    spin[(1, 0)] - spin[(0, 1)],
+                );
+            [velocity, omega].map(|v| registration.direction(model, Q, &v))
+        };
+        let femur: Vec<_> = (0..tangent.ncols()).map(|c| twist(SegmentId::Thigh, c)).collect();
+        let relative = |segment: SegmentId| {
+            let minus = |(c, femur): (usize, &[Vector3<f64>; 2])| {
+                let [v, w] = twist(segment, c);
+                [v - femur[0], w - femur[1]]
+            };
+            femur.iter().enumerate().map(minus).collect()
+        };
+        let bodies = vec![
+            ("pelvis", femur.iter().map(|[v, w]| [-v, -w]).collect()),
+            ("patella", relative(SegmentId::Patella)),
+            ("shank", relative(SegmentId::Shank)),
+        ];
+        VirtualTwists { bodies, hip: registration.frames().hip }
+    }
+
+    /// Virtual work \[N·m/rad\] per coordinate of a wrench on a body, moments about the hip centre; none on the femur, which is held.
+    pub fn work(&self, body: &str, wrench: &Wrench) -> DVector<f64> {
+        let n = self.bodies[0].1.len();
+        let Some((_, twists)) = self.bodies.iter().find(|b| b.0 == body) else { return DVector::zeros(n) };
+        let (force, moment) = (Vector3::from(wrench.force), Vector3::from(wrench.moment));
+        DVector::from_iterator(n, twists.iter().map(|[v, omega]| v.dot(&force) + omega.dot(&moment)))
+    }
+}
+
+/// What a muscle does to the skeleton.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MuscleAction {
+    /// Force through its belly \[N\].
+    pub force: f64,
+    /// Share of matrix and shell in it \[N\].
+    pub tissue: f64,
+    /// Mean stretch of its fibres.
+    pub stretch: f64,
+    /// Moment per joint coordinate \[N·m\].
+    pub moments: DVector<f64>,
+    /// Lever arm per joint coordinate \[m\]; `None` where there is hardly any force to say it.
+    pub lever_arms: Vec<Option<f64>>,
+    /// Resultant of its forces on all bones \[N\]: nothing, but for what contact and the seams of its tendon carry.
+    pub resultant: Vector3<f64>,
+}
+
+/// Actions of all muscles of the thigh in a solved state, by what they are tied to.
+pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists) -> Vec<MuscleAction> {
+    let g = nodal_forces(plan, at);
+    let one = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
+        let own = format!("{}/", muscle.name);
+        let mut moments = DVector::zeros(twists.bodies[0].1.len());
+        let mut resultant = Vector3::zeros();
+        for tie in thigh.scene.ties.iter().filter(|t| t.nodes.starts_with(&own)) {
+            let mut wrench = Wrench::default();
+            for &n in &plan.mesh.node_sets[&tie.nodes] {
+                let k = 3 * n as usize;
+                // The bone holds the node with g, so the tissue pulls at the bone with −g.
+                wrench.add(
+                    std::array::from_fn(|c| at.x[k + c] - twists.hip[c]),
+                    std::array::from_fn(|c| -g[k + c]),
+                );
+            }
+            moments += twists.work(&tie.body, &wrench);
+            resultant += Vector3::from(wrench.force);
+        }
+        let belly = belly_force(plan, at, muscle);
+        let part = |p| belly.section.part_along(p, belly.tangent.into());
+        let force = belly.along();
+        MuscleAction {
+            force,
+            tissue: part(Part::Matrix) + part(Part::Membrane),
+            stretch: thigh.fibre_stretch(i, at.x),
+            lever_arms: moments.iter().map(|m| (force >= LEAST_FORCE).then(|| m / force)).collect(),
+            moments,
+            resultant,
+        }
+    };
+    thigh.muscles.iter().enumerate().map(one).collect()
+}
+
+/// Muscles of the thigh that are sewn together, by number: those that the plan, without contact, has in one island. Every muscle is in one
+/// unit, most of them alone.
+pub fn sewn(plan: &Plan, thigh: &Thigh) -> Vec<Vec<usize>> {
+    let island_of = |m: usize| {
+        let muscle = &thigh.muscles[m];
+        let middle = muscle.layer_nodes(muscle.s.len() / 2);
+        plan.islands.iter().position(|i| middle.clone().any(|n| i.nodes.contains(&n)))
+    };
+    let mut units: Vec<(Option<usize>, Vec<usize>)> = Vec::new();
+    for m in 0..thigh.muscles.len() {
+        let island = island_of(m);
+        match units.iter_mut().find(|u| island.is_some() && u.0 == island) {
+            Some(unit) => unit.1.push(m),
+            None => units.push((island, vec![m])),
+        }
+    }
+    units.into_iter().map(|u| u.1).collect()
+}
+
+/// Makes one of the muscles of every unit about a coordinate: the moment of the unit stays what it is, and each head has a share of it.
+///
+/// `rigid`: lever arm of a muscle on the rigid leg \[m\]. The unit tells one number, by how much the arm of its whole force differs from what
+/// the rigid leg says of these forces; all its heads have this difference, slack ones too. So lines of the rigid leg keep their arms, and a
+/// muscle by itself keeps its moment over its force.
+pub fn as_units(
+    actions: &mut [MuscleAction],
+    units: &[Vec<usize>],
+    coordinate: usize,
+    rigid: &dyn Fn(usize) -> f64,
+) {
+    for unit in units.iter().filter(|u| u.len() > 1) {
+        let sum = |of: &dyn Fn(usize) -> f64| unit.iter().map(|&m| of(m)).sum::<f64>();
+        let force = sum(&|m| actions[m].force);
+        if force < LEAST_FORCE {
+            continue;
+        }
+        let difference =
+            (sum(&|m| actions[m].moments[coordinate]) - sum(&|m| rigid(m) * actions[m].force)) / force;
+        for &m in unit {
+            let arm = rigid(m) + difference;
+            actions[m].moments[coordinate] = arm * actions[m].force;
+            actions[m].lever_arms[coordinate] = Some(arm);
+        }
+    }
+}

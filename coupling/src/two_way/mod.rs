@@ -1,0 +1,490 @@
+//! Two-way coupling: the deformable muscles tell force sharing what they can do, force sharing tells them how hard to pull, until what
+//! they can do no longer changes.
+//!
+//! Per step and muscle the capacity is: its lever arms, which all its lines then have, the length of its fibres, the force of its matrix
+//! and shell, and how much of the tension of its fibres comes through the belly. Heads that are sewn together have their lever arm at the
+//! knee in common ([`as_units`]): how hard each pulls is left to force sharing. From these follow the bounds of its tension (no less than its passive force, no more than at full activation
+//! at that length) and the isometric activation that makes a tension. Agreement of the two models is a result, never the stopping rule.
+
+#![allow(non_snake_case)]
+
+pub mod capacity;
+pub mod fixed_point;
+
+use std::io::{self, Write};
+
+use fem::plan::Plan;
+use fem::run::{Advanced, Drive, DriveFrame, Frame, Session};
+use fem::solve::{Iteration, Settings};
+use multibody::share::{SharingSettings, names, problem};
+use multibody::sharing::{Capacity, SharingProblem, SharingSolver};
+use multibody::trial::Status;
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::StudyError;
+use crate::fibres::muscle_unit::{Fit, MuscleUnit};
+use crate::optimize::Optimized;
+use crate::steps::RigidStep;
+use crate::thigh::build::Thigh;
+use crate::thigh::registration::Registration;
+use crate::two_way::capacity::{MuscleAction, VirtualTwists, actions, as_units, sewn};
+use crate::two_way::fixed_point::{FixedPoint, Scheme};
+
+/// Relative change of the capacity at which the passes end.
+pub const TOLERANCE: f64 = 1e-3;
+/// Passes at most.
+pub const MOST_PASSES: usize = 16;
+/// Coordinates that muscles of the thigh move: three of the hip, one of the knee.
+const MOVED: usize = 4;
+/// The one at which sewn muscles are one unit; at the hip each pulls at the pelvis by itself.
+const KNEE: usize = 3;
+/// Their names.
+const COORDINATES: [&str; MOVED] = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"];
+/// Changes that count alike: of lever arms \[m\], of lengths \[m\], of forces \[N\].
+const ARM: f64 = 0.01;
+const LENGTH: f64 = 0.01;
+const FORCE: f64 = 100.0;
+/// And of shares of the tension.
+const SHARE: f64 = 0.1;
+/// Numbers of a muscle at a step.
+const N: usize = MOVED + 3;
+/// Tensions below this \[N\] say nothing about the share that comes through the belly.
+const LEAST_TENSION: f64 = 20.0;
+
+/// What stays the same from pass to pass.
+pub struct TwoWay<'a> {
+    /// The rigid leg.
+    pub done: &'a Optimized,
+    /// Its place in the mesh.
+    pub registration: &'a Registration,
+    /// The steps as one-way coupling has them.
+    pub steps: &'a [RigidStep],
+    /// The thigh with Hill fibres.
+    pub thigh: &'a Thigh,
+    /// Without contact.
+    pub plan: &'a Plan,
+    /// The drive of the one-way run.
+    pub drive: &'a Drive,
+    /// Units and fits of its muscles, and the scale of [`MuscleUnit::law`].
+    pub units: &'a [MuscleUnit],
+    /// Their fits.
+    pub fits: &'a [Fit],
+    /// See [`MuscleUnit::law`].
+    pub scale: f64,
+    /// Of the deformable side.
+    pub settings: &'a Settings,
+}
+
+/// One pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pass {
+    /// Change of the capacity relative to its size: of what the thigh says over what it was asked with. `None` in the first pass.
+    pub change: Option<f64>,
+    /// What changed most: step, muscle and quantity.
+    pub changed_most: Option<String>,
+    /// Joint moments \[N·m\] per step, hip (three) and knee, that are missing when the forces of the thigh replace those of the rigid leg.
+    pub missing: Vec<[f64; MOVED]>,
+    /// The same per muscle: what force sharing counts on less what the muscle of the thigh does. Their sum is `missing`.
+    pub lacking: Vec<Vec<[f64; MOVED]>>,
+    /// Tensions per step and muscle as force sharing wants them \[N\].
+    pub wanted: Vec<Vec<f64>>,
+    /// Forces through the bellies per step and muscle \[N\].
+    pub found: Vec<Vec<f64>>,
+}
+
+impl Pass {
+    /// Largest missing moment \[N·m\].
+    pub fn largest_missing(&self) -> f64 {
+        self.missing.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
+    }
+}
+
+/// What the passes came to.
+#[derive(Clone, Debug, Default)]
+pub struct Coupling {
+    /// All passes that were carried out; the first is the one-way result.
+    pub passes: Vec<Pass>,
+    /// The last pass, per step; empty where there is none but the first.
+    pub last: Vec<Coupled>,
+    /// Why the last pass is no settled result; empty where it is.
+    pub shortcomings: Vec<String>,
+}
+
+/// One step in the last pass.
+#[derive(Clone, Debug)]
+pub struct Coupled {
+    /// Tensions of all lines of the leg as force sharing wants them \[N\].
+    pub tensions: DVector<f64>,
+    /// Isometric activation of every muscle of the thigh.
+    pub drives: Vec<f64>,
+    /// The thigh under them.
+    pub frame: Frame,
+    /// A row per Newton iteration that led there from the pass before.
+    pub iterations: Vec<Iteration>,
+}
+
+/// What force sharing says of a step.
+struct Shared {
+    /// Tensions of all lines \[N\].
+    f: DVector<f64>,
+    /// Joint moments of the muscles of the thigh, with the lever arms that it has of them \[N·m\].
+    counted: Vec<[f64; MOVED]>,
+    /// What no forces within their bounds carry.
+    infeasible: Option<String>,
+}
+
+impl TwoWay<'_> {
+    /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`. A pass that
+    /// finds no equilibrium or no forces ends them: the last whole one stands, and a shortcoming says why.
+    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, StudyError> {
+        let twists: Vec<VirtualTwists> =
+            self.steps.iter().map(|s| self.twists(s)).collect::<Result<_, _>>()?;
+        let (units, rigid) = (sewn(self.plan, self.thigh), self.nominal()?);
+        let see = |frame: &Frame, k: usize| {
+            let mut seen = actions(self.plan, self.thigh, frame.snapshot(), &twists[k]);
+            let arm = |m: usize| ARM * rigid[N * (k * self.thigh.muscles.len() + m) + 3 + KNEE];
+            as_units(&mut seen, &units, KNEE, &arm);
+            seen
+        };
+        let seen: Vec<Vec<MuscleAction>> = first.iter().enumerate().map(|(k, f)| see(f, k)).collect();
+        let shared: Vec<Shared> = self.steps.iter().map(|s| self.one_way(s)).collect::<Result<_, _>>()?;
+        let passes = vec![self.pass(None, &shared, &seen)?];
+        let mut coupling = Coupling { passes, last: Vec::new(), shortcomings: Vec::new() };
+        if most < 2 {
+            coupling.shortcomings.push("two-way coupling: one pass is the one-way result".into());
+            return Ok(coupling);
+        }
+        let mut fixed_point = FixedPoint::new(scheme);
+        let drives: Vec<Vec<f64>> = (0..self.steps.len()).map(|k| self.drives(self.at_step(k))).collect();
+        let (mut x, mut shown) = self.capacity(&seen, &rigid, &drives);
+        let mut ever = shown.clone();
+        let mut sessions: Vec<Session> = Vec::new();
+        for (k, _) in self.steps.iter().enumerate() {
+            let mut session = Session::new(self.plan, self.settings, None)
+                .map_err(|error| StudyError::NotConverged(format!("two-way coupling: {error}")))?;
+            let way = self.drive.frames.len() - self.steps.len();
+            for frame in &self.drive.frames[..=way + k] {
+                advance(&mut session, frame)?;
+            }
+            sessions.push(session);
+        }
+        while coupling.passes.len() < most {
+            let carried: Result<Vec<(Shared, Coupled)>, StudyError> = (self.steps.iter().enumerate())
+                .map(|(k, step)| {
+                    let sharing = self.share(step, &x, k)?;
+                    let frame = self.frame(&sharing.f, &x, k)?;
+                    let Advanced { frame: solved, iterations, .. } = advance(&mut sessions[k], &frame)?;
+                    let (tensions, drives) = (sharing.f.clone(), self.drives(&frame));
+                    Ok((sharing, Coupled { tensions, drives, frame: solved, iterations }))
+                })
+                .collect();
+            let pass = coupling.passes.len() + 1;
+            let (shared, last): (Vec<_>, Vec<_>) = match carried {
+                Ok(carried) => carried.into_iter().unzip(),
+                Err(why) => {
+                    let text = format!("two-way coupling ends in pass {pass}, before it has settled: {why}");
+                    coupling.shortcomings.push(text);
+                    return Ok(coupling);
+                }
+            };
+            let seen: Vec<Vec<MuscleAction>> =
+                last.iter().enumerate().map(|(k, c)| see(&c.frame, k)).collect();
+            let drives: Vec<Vec<f64>> = last.iter().map(|c| c.drives.clone()).collect();
+            let (image, shows) = self.capacity(&seen, &x, &drives);
+            let change = (&image - &x).norm() / image.norm();
+            let mut pass = self.pass(Some(change), &shared, &seen)?;
+            pass.changed_most = Some(self.name_of((&image - &x).iamax()));
+            coupling.passes.push(pass);
+            coupling.last = last;
+            coupling.shortcomings = shared.into_iter().filter_map(|s| s.infeasible).collect();
+            if change < TOLERANCE {
+                return Ok(coupling);
+            }
+            // With other muscles at work it is another problem, of which the history knows nothing.
+            if shows != shown {
+                fixed_point = FixedPoint::new(scheme);
+            }
+            x = fixed_point.next(&x, &image);
+            for i in (0..x.len()).filter(|&i| shows[i] && !std::mem::replace(&mut ever[i], true)) {
+                x[i] = image[i]; // seen for the first time: there is nothing to relax from
+            }
+            shown = shows;
+        }
+        let change = coupling.passes.last().and_then(|p| p.change).unwrap_or(f64::NAN);
+        coupling.shortcomings.push(format!(
+            "two-way coupling has not settled: the capacity still changes by {change:.1e} in pass {most} (wanted {TOLERANCE:.0e}); \
+             forces are those of that pass"
+        ));
+        Ok(coupling)
+    }
+
+    fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, StudyError> {
+        let Q = &self.done.motion.Q[self.done.motion.report.start + step.row];
+        let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+        Ok(VirtualTwists::new(&self.done.model, self.registration, Q, &reduced.tangent))
+    }
+
+    /// Force sharing of the rigid leg at a step.
+    fn one_way(&self, step: &RigidStep) -> Result<Shared, StudyError> {
+        let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+        Ok(self.shared(self.done.effort.forces.values.row(step.row).transpose(), &reduced.lever_arms))
+    }
+
+    /// Tensions `f` of all lines with lever arms `R`.
+    fn shared(&self, f: DVector<f64>, R: &DMatrix<f64>) -> Shared {
+        let of_muscle = |m: usize| {
+            let lines = self.lines(m);
+            std::array::from_fn(|c| lines.iter().map(|&i| R[(c, i)] * f[i]).sum())
+        };
+        let counted = (0..self.thigh.muscles.len()).map(of_muscle).collect();
+        Shared { f, counted, infeasible: None }
+    }
+
+    /// Numbers of the model's lines that belong to a muscle of the thigh.
+    fn lines(&self, muscle: usize) -> Vec<usize> {
+        let name = &self.thigh.muscles[muscle].name;
+        let lines = self.steps[0].muscle(name).map_or(&[][..], |m| &m.lines);
+        let number =
+            |l: &crate::steps::RigidLine| self.done.model.muscles.iter().position(|m| m.name == l.name);
+        lines.iter().filter_map(number).collect()
+    }
+
+    /// The frame of a step in the one-way drive.
+    fn at_step(&self, k: usize) -> &DriveFrame {
+        &self.drive.frames[self.drive.frames.len() - self.steps.len() + k]
+    }
+
+    /// Control of the fibres of a muscle.
+    fn control(&self, muscle: &str) -> usize {
+        let control = self.plan.controls.iter().position(|c| c == muscle);
+        control.expect("the fibres of a muscle have its name for a control")
+    }
+
+    /// Isometric activations of all muscles in a frame.
+    fn drives(&self, frame: &DriveFrame) -> Vec<f64> {
+        self.thigh.muscles.iter().map(|m| frame.load.controls[self.control(&m.name)]).collect()
+    }
+
+    /// Change of length of the lines of a muscle against the posture of the mesh \[m\] at a stretch of its fibres.
+    fn shift(&self, muscle: usize, stretch: f64) -> f64 {
+        (stretch - self.fits[muscle].rest) * self.thigh.muscles[muscle].fibre_length / self.scale
+    }
+
+    /// The capacity that was seen, scaled, all steps and muscles one after the other. Of muscles with hardly any force lever arms, length
+    /// and share stay as in `before`: a slack one hangs as it may, and not where it would pull. Second: which numbers were seen.
+    fn capacity(
+        &self,
+        seen: &[Vec<MuscleAction>],
+        before: &DVector<f64>,
+        drives: &[Vec<f64>],
+    ) -> (DVector<f64>, Vec<bool>) {
+        let (mut x, mut seen_now) = (before.clone(), vec![false; before.len()]);
+        let mut set = |i: usize, value: f64| (x[i], seen_now[i]) = (value, true);
+        for k in 0..self.steps.len() {
+            for (m, action) in seen[k].iter().enumerate() {
+                let at = N * (k * self.thigh.muscles.len() + m);
+                set(at + 1, action.tissue / FORCE);
+                let shift = self.shift(m, action.stretch);
+                let tension = self.units[m].force(shift, drives[k][m]);
+                if tension >= LEAST_TENSION {
+                    set(at, shift / LENGTH);
+                    set(at + 2, ((action.force - action.tissue) / tension - 1.0) / SHARE);
+                }
+                for c in 0..MOVED {
+                    if let Some(arm) = action.lever_arms[c] {
+                        set(at + 3 + c, arm / ARM);
+                    }
+                }
+            }
+        }
+        (x, seen_now)
+    }
+
+    /// Capacity before anything is seen: lengths of the lines, and of their lever arms the mean, each with its strength.
+    fn nominal(&self) -> Result<DVector<f64>, StudyError> {
+        let mut x = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
+        for (k, step) in self.steps.iter().enumerate() {
+            let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+            for m in 0..self.thigh.muscles.len() {
+                let lines = self.lines(m);
+                if let Some(rigid) = step.muscle(&self.thigh.muscles[m].name) {
+                    let unit = &self.units[m];
+                    x[N * (k * self.thigh.muscles.len() + m)] =
+                        (unit.fibre_length_at(rigid) - unit.fibre_length(0.0)) / LENGTH;
+                }
+                let f_max = |i: &usize| self.done.model.muscles[*i].f_max;
+                let strength: f64 = lines.iter().map(f_max).sum();
+                for c in 0..MOVED {
+                    let arm = |i: &usize| f_max(i) * reduced.lever_arms[(c, *i)];
+                    x[N * (k * self.thigh.muscles.len() + m) + 3 + c] =
+                        lines.iter().map(arm).sum::<f64>() / (strength * ARM);
+                }
+            }
+        }
+        Ok(x)
+    }
+
+    /// Force sharing at a step with a capacity.
+    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, StudyError> {
+        let model = &self.done.model;
+        let nominal = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+        let mut problem: SharingProblem =
+            problem(model, &self.done.loads, step.row, &nominal, &SharingSettings::default())
+                .ok_or_else(|| no_loads(step))?;
+        for m in 0..self.thigh.muscles.len() {
+            let at = N * (k * self.thigh.muscles.len() + m);
+            let lines = self.lines(m);
+            let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
+            let (shift, tissue, share) = (LENGTH * x[at], FORCE * x[at + 1], 1.0 + SHARE * x[at + 2]);
+            let bound = |a: f64| (share * self.units[m].force(shift, a) + tissue).max(0.0);
+            let (least, most) = (bound(0.0), bound(1.0));
+            for &i in &lines {
+                let part = model.muscles[i].f_max / strength;
+                problem.lower_f[i] = part * least;
+                problem.upper_f[i] = part * most.max(least + 1.0);
+                for c in 0..MOVED {
+                    problem.R[(c, i)] = ARM * x[at + 3 + c];
+                }
+            }
+        }
+        let mut solver = SharingSolver::new(names(model), SharingSettings::default().options);
+        let solved = solver.solve(&problem)?;
+        if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
+            let why = solved.verdict.reason.unwrap_or_default();
+            return Err(StudyError::NotConverged(format!(
+                "two-way coupling, {}: no muscle forces: {why}",
+                step.name.name()
+            )));
+        }
+        let infeasible = (solved.verdict.status == Status::Infeasible).then(|| {
+            let why = solved.verdict.reason.unwrap_or_default();
+            format!(
+                "two-way coupling, {}: no forces within their bounds carry the load: {why}",
+                step.name.name()
+            )
+        });
+        Ok(Shared { infeasible, ..self.shared(solved.f, &problem.R) })
+    }
+
+    /// The load of the thigh at a step for tensions `f`.
+    fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, StudyError> {
+        let mut frame = self.at_step(k).clone();
+        for (m, muscle) in self.thigh.muscles.iter().enumerate() {
+            let at = N * (k * self.thigh.muscles.len() + m);
+            let tension: f64 = self.lines(m).iter().map(|&i| f[i]).sum();
+            let (shift, tissue, share) = (LENGTH * x[at], FORCE * x[at + 1], 1.0 + SHARE * x[at + 2]);
+            let control = self.control(&muscle.name);
+            frame.load.controls[control] = self.units[m].drive_for(shift, (tension - tissue) / share);
+        }
+        Ok(frame)
+    }
+
+    /// What a number of the capacity is.
+    fn name_of(&self, entry: usize) -> String {
+        let quantity = match entry % N {
+            0 => "length".into(),
+            1 => "tissue".into(),
+            2 => "share".into(),
+            arm => COORDINATES[arm - 3].replace('_', " "),
+        };
+        let (muscle, step) = (entry / N % self.thigh.muscles.len(), entry / N / self.thigh.muscles.len());
+        let (muscle, step) = (&self.thigh.muscles[muscle].name, self.steps[step].name.name());
+        format!("{step} {muscle} {quantity}")
+    }
+
+    fn pass(
+        &self,
+        change: Option<f64>,
+        shared: &[Shared],
+        seen: &[Vec<MuscleAction>],
+    ) -> Result<Pass, StudyError> {
+        let mut pass = Pass {
+            change,
+            changed_most: None,
+            missing: Vec::new(),
+            lacking: Vec::new(),
+            wanted: Vec::new(),
+            found: Vec::new(),
+        };
+        for (k, step) in self.steps.iter().enumerate() {
+            let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
+            let mut others = shared[k].f.clone();
+            let mut moments: DVector<f64> = DVector::zeros(reduced.moments.len());
+            let mut wanted = Vec::new();
+            for (m, action) in seen[k].iter().enumerate() {
+                let lines = self.lines(m);
+                wanted.push(lines.iter().map(|&i| shared[k].f[i]).sum());
+                lines.iter().for_each(|&i| others[i] = 0.0);
+                moments += &action.moments;
+            }
+            let missing = &reduced.moments - moments - &reduced.lever_arms * others;
+            pass.missing.push(std::array::from_fn(|c| missing[c]));
+            let lacks = |(counted, action): (&[f64; MOVED], &MuscleAction)| {
+                std::array::from_fn(|c| counted[c] - action.moments[c])
+            };
+            pass.lacking.push(shared[k].counted.iter().zip(&seen[k]).map(lacks).collect());
+            pass.wanted.push(wanted);
+            pass.found.push(seen[k].iter().map(|a| a.force).collect());
+        }
+        Ok(pass)
+    }
+}
+
+fn no_loads(step: &RigidStep) -> StudyError {
+    StudyError::NotConverged(format!("no loads at {}", step.name.name()))
+}
+
+fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Advanced, StudyError> {
+    let done = session.advance(frame);
+    match done.errors.first() {
+        None => Ok(done),
+        Some(error) => Err(StudyError::NotConverged(format!("two-way coupling: {error}"))),
+    }
+}
+
+/// `passes.csv`: a row per pass.
+pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> io::Result<()> {
+    write!(w, "pass,capacity_change,changed_most,largest_missing_Nm,mean_difference_N")?;
+    for step in steps {
+        for coordinate in COORDINATES {
+            write!(w, ",{}_{coordinate}_missing_Nm", step.name.name())?;
+        }
+    }
+    writeln!(w)?;
+    for (k, pass) in passes.iter().enumerate() {
+        let change = pass.change.map_or(String::new(), |c| format!("{c:.6}"));
+        let pairs = pass.wanted.iter().flatten().zip(pass.found.iter().flatten());
+        let n = pass.found.iter().flatten().count().max(1) as f64;
+        let mean = pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / n;
+        let most = pass.changed_most.as_deref().unwrap_or("");
+        write!(w, "{},{change},{most},{:.5},{mean:.4}", k + 1, pass.largest_missing())?;
+        for v in pass.missing.iter().flatten() {
+            write!(w, ",{v:.5}")?;
+        }
+        writeln!(w)?;
+    }
+    Ok(())
+}
+
+/// `missing_moments.csv`: a row per pass, step and muscle, which muscles keep moments missing.
+pub fn write_missing(
+    w: &mut dyn Write,
+    thigh: &Thigh,
+    steps: &[RigidStep],
+    passes: &[Pass],
+) -> io::Result<()> {
+    write!(w, "pass,step,muscle,wanted_N,found_N")?;
+    COORDINATES.iter().try_for_each(|coordinate| write!(w, ",{coordinate}_missing_Nm"))?;
+    writeln!(w)?;
+    for (p, pass) in passes.iter().enumerate() {
+        for (k, step) in steps.iter().enumerate() {
+            for (m, muscle) in thigh.muscles.iter().enumerate() {
+                let (wanted, found) = (pass.wanted[k][m], pass.found[k][m]);
+                write!(w, "{},{},{},{wanted:.3},{found:.3}", p + 1, step.name.name(), muscle.name)?;
+                pass.lacking[k][m].iter().try_for_each(|v| write!(w, ",{v:.5}"))?;
+                writeln!(w)?;
+            }
+        }
+    }
+    Ok(())
+}
