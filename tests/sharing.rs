@@ -5,11 +5,13 @@
 use std::collections::BTreeMap;
 
 use multibody::model::{Ankle, Model};
+use multibody::motion::track;
+use multibody::share::{SharingSettings, loads, problem};
 use multibody::sharing::{
-    KKT_TOLERANCE, MuscleCost, SharingError, SharingOptions, SharingProblem, SharingSolver, reactions,
-    residuals, share_frames,
+    Capacity, KKT_TOLERANCE, LeverArm, MuscleCost, SharingError, SharingOptions, SharingProblem,
+    SharingSolver, reactions, residuals, share_frames,
 };
-use multibody::trial::Status;
+use multibody::trial::{Filters, Status};
 use multibody::walker::{Knee, walker};
 use nalgebra::{DMatrix, DVector};
 use support::shared;
@@ -350,4 +352,44 @@ fn opensim_problems() {
         );
         assert!(difference < 0.005 && kkt < KKT_TOLERANCE);
     }
+}
+
+/// What a muscle can do is what force sharing counts on: its bounds and its lever arm stand in the problem, and in the answer.
+#[test]
+fn a_capacity_bounds_its_muscle_and_gives_it_its_lever_arm() {
+    let (trial, anatomy) = walker(Knee::Hinge);
+    let filters = Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 };
+    let model = Model::new(&trial, anatomy, Ankle::Universal).unwrap();
+    let motion = track(&model, &trial, &filters);
+    let loads = loads(&model, &motion, &trial, &filters);
+    let (frame, settings) = (loads.time.len() / 2, SharingSettings::default());
+    let solved = |capacity: &Capacity| {
+        let problem = problem(&model, &loads, frame, capacity, &settings).unwrap();
+        let names = multibody::share::names(&model);
+        SharingSolver::new(names, settings.options).solve(&problem).unwrap()
+    };
+    let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+    let nominal = solved(&capacity);
+    assert_eq!(nominal.verdict.status, Status::Solved);
+    let hardest = nominal.f.imax();
+    let idle = (0..nominal.f.len()).find(|&i| nominal.f[i] < 1e-6).expect("a muscle at rest");
+    capacity.bounds[hardest][1] = 0.5 * nominal.f[hardest];
+    capacity.bounds[idle][0] = 20.0;
+    let bounded = solved(&capacity);
+    assert_eq!(bounded.verdict.status, Status::Solved);
+    assert!((bounded.f[hardest] / nominal.f[hardest] - 0.5).abs() < 1e-9, "at its upper bound");
+    assert!((bounded.f[idle] - 20.0).abs() < 1e-6, "at its lower bound");
+    let lever_arms = &loads.reduced[frame].as_ref().unwrap().lever_arms;
+    let coordinate = lever_arms.column(hardest).iamax();
+    let arm = 1.25 * lever_arms[(coordinate, hardest)];
+    let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+    capacity.lever_arms.push(LeverArm { coordinate, muscle: hardest, arm });
+    let levered = solved(&capacity);
+    assert_eq!(levered.verdict.status, Status::Solved);
+    let carried = |f: &DVector<f64>, arms: &DMatrix<f64>| (arms * f)[coordinate];
+    let mut longer = lever_arms.clone();
+    longer[(coordinate, hardest)] = arm;
+    let moment = carried(&nominal.f, lever_arms);
+    assert!((carried(&levered.f, &longer) - moment).abs() < 1e-6, "the moment is carried with the new arm");
+    assert!((carried(&levered.f, lever_arms) - moment).abs() > 0.1, "and not with the old one");
 }

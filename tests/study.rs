@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use coupling::configuration::PerConfiguration;
 use coupling::fibres::cache::FOLDER;
 use coupling::scene::{Fibres, Scene};
 use coupling::steps::StepName;
@@ -258,8 +259,8 @@ fn a_plan_counts_on_a_draft_what_the_mesh_will_have() {
                  resolution_mm = 16.0\n";
     let prepared = Prepared::new(parse(scene).unwrap(), None, &mut |_| ()).unwrap();
     let thigh = Sized::new(parse(scene).unwrap(), None).unwrap().draft().unwrap();
-    let draft = Work::of_draft(&prepared.scene, &thigh, [true, true]);
-    for (c, draft) in draft.into_iter().enumerate() {
+    let draft = Work::of_draft(&prepared.scene, &thigh, PerConfiguration::of(|_| true));
+    for (c, draft) in draft.iter() {
         let draft = draft.unwrap();
         let mesh = Work::of_plan(&prepared.plan(&prepared.thigh, c).unwrap());
         println!("{draft:?}\n{mesh:?}");
@@ -273,7 +274,7 @@ fn a_plan_counts_on_a_draft_what_the_mesh_will_have() {
         }
         assert!((draft.operations / mesh.operations - 1.0).abs() < 0.05);
     }
-    let elements = |thigh: &Thigh| Expected::of(&prepared.scene, thigh, [None, None]).elements;
+    let elements = |thigh: &Thigh| Expected::of(&prepared.scene, thigh, PerConfiguration::default()).elements;
     assert_eq!(elements(&thigh), elements(&prepared.thigh));
     assert_eq!(thigh.tendons.len(), 3);
 }
@@ -568,8 +569,10 @@ fn the_contact_resultant_of_a_muscle_is_held_by_its_bones() {
                  [accuracy]\ncontact_residual_n = 0.1\n[[step]]\nname = \"heel_strike\"\n";
     let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
-    let study = prepared.solve([false, true], &folder.path().join("out"), false, &mut |_| ()).unwrap();
-    let (plan, result) = study.configurations[1].as_ref().unwrap();
+    let with = PerConfiguration { without: false, with: true };
+    let study = prepared.solve(with, &folder.path().join("out"), false, &mut |_| ()).unwrap();
+    let result = study.solutions.with.as_ref().unwrap();
+    let plan = &result.plan;
     let frame = result.at_steps().next().expect("solved");
     let total = nodal_forces(plan, frame.snapshot());
     let mut pushes = vec![Vector3::zeros(); plan.mesh.points.len()];

@@ -2,6 +2,7 @@
 
 #![allow(non_snake_case)]
 
+use mesher::MusclePart;
 use std::path::Path;
 
 use coupling::fibres::alone::alone;
@@ -18,7 +19,6 @@ use coupling::thigh::build::{Thigh, ThighEffects, build, reaches};
 use coupling::thigh::lines::physiological_sections;
 use coupling::thigh::registration::{BODIES, MeshFrames, Registration};
 use coupling::thigh::tables::{ATTACHMENTS, MUSCLE_SECTIONS};
-use coupling::thigh::tendons::regions;
 use coupling::thigh::trial::{MuscleAlone, Task};
 use coupling::two_way::capacity::{MuscleAction, VirtualTwists, as_units};
 use fem::body::Wrench;
@@ -538,7 +538,8 @@ fn four_heads_join_in_the_quadriceps_tendon() {
     let thigh = &made.thigh;
     assert_eq!(thigh.tendons.len(), 4);
     for tendon in &thigh.tendons {
-        let block = thigh.mesh.blocks.iter().find(|b| b.name == regions(&tendon.muscle)[0]).unwrap();
+        let block =
+            thigh.mesh.blocks.iter().find(|b| b.name == MusclePart::Tendon.of(&tendon.muscle)).unwrap();
         let quality = thigh.mesh.quality(block).unwrap();
         assert!(quality.least_scaled_jacobian >= 0.3 && quality.least_gauss_det > 0.0, "{}", tendon.muscle);
     }
@@ -549,7 +550,12 @@ fn four_heads_join_in_the_quadriceps_tendon() {
     };
     let muscles = HEADS.map(|head| surface(head, thigh.mesh.surfaces[&format!("{head}/surface")].clone()));
     let tendons: Vec<_> = (thigh.tendons.iter())
-        .map(|t| surface(&t.muscle, thigh.mesh.block(&regions(&t.muscle)[0]).unwrap().boundary().unwrap()))
+        .map(|t| {
+            surface(
+                &t.muscle,
+                thigh.mesh.block(&MusclePart::Tendon.of(&t.muscle)).unwrap().boundary().unwrap(),
+            )
+        })
         .collect();
     for (i, (name, tendon)) in tendons.iter().enumerate() {
         assert!(tendon.self_intersections().is_empty(), "{name}");

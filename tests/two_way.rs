@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use coupling::configuration::PerConfiguration;
 use coupling::scene::Scene;
-use coupling::study::{Prepared, Study};
+use coupling::study::{Comparison, Prepared};
 use coupling::two_way::capacity::sewn;
 use coupling::two_way::fixed_point::Scheme;
 use coupling::two_way::{Pass, TOLERANCE};
@@ -15,11 +16,18 @@ const SCENE: &str = "muscles = [\"gluteus_maximus\", \"gluteus_medius\", \"vastu
 const QUADRICEPS: &str = "muscles = [\"rectus_femoris\", \"vastus_medialis\", \"vastus_intermedius\", \"vastus_lateralis\"]\n\
                           resolution_mm = 20.0\n[effects]\ncontact = \"none\"\n";
 
-fn solved(scene: &str) -> (Prepared, Study) {
+fn solved(scene: &str) -> (Prepared, Comparison) {
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
-    let study = prepared.solve([true, false], &folder.path().join("out"), false, &mut |_| ()).unwrap();
+    let study = prepared
+        .solve(
+            PerConfiguration { without: true, with: false },
+            &folder.path().join("out"),
+            false,
+            &mut |_| (),
+        )
+        .unwrap();
     (prepared, study)
 }
 
@@ -58,7 +66,7 @@ fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
 #[test]
 fn sewn_heads_are_one_unit_and_none_takes_all() {
     let (prepared, study) = solved(QUADRICEPS);
-    let (plan, _) = study.configurations[0].as_ref().unwrap();
+    let plan = &study.solutions.without.as_ref().unwrap().plan;
     let units = sewn(plan, &study.thigh);
     let names: Vec<Vec<&str>> =
         units.iter().map(|u| u.iter().map(|&m| study.thigh.muscles[m].name.as_str()).collect()).collect();

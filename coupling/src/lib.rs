@@ -4,6 +4,7 @@
 //! pull with, [`study`] the road from a scene to forces compared, [`two_way`] the passes back into force sharing, [`mod@solve`] bodies of
 //! one's own.
 
+pub mod configuration;
 pub mod error;
 pub mod fibres;
 pub mod measured;

@@ -21,7 +21,7 @@ pub struct SharingSettings {
     pub muscle_cost: MuscleCost,
     /// What joint forces cost: nothing (condition 1) or the published weights (condition 2).
     pub reaction_cost: ReactionCost,
-    /// Whether the capacity bounds the tensions. The published form has no upper bounds.
+    /// Whether the capacity bounds the tensions from above. The published form has no upper bounds.
     pub bounded: bool,
     /// Reserve moments on every coordinate: weight of their squares \[1/(N·m)²\]. `None`: no reserves.
     pub reserves: Option<f64>,
@@ -87,7 +87,7 @@ pub fn names(model: &Model) -> Names {
     }
 }
 
-/// The sharing problem of one reported frame; `None` where the loads are unknown.
+/// The sharing problem of one reported frame, in which the muscles have this `capacity`; `None` where the loads are unknown.
 pub fn problem(
     model: &Model,
     loads: &Loads,
@@ -99,18 +99,18 @@ pub fn problem(
     let n = model.muscles.len();
     let l_opt: Vec<f64> = model.muscles.iter().map(|m| m.l_opt).collect();
     let table = reactions(model.ankle == Ankle::Parallel);
-    let R = match &capacity.lever_arms {
-        Some(arms) => arms[frame].clone(),
-        None => reduced.lever_arms.clone(),
-    };
-    let strength = |i: usize| if settings.bounded { capacity.force_per_activation[i] } else { f64::INFINITY };
+    let mut R = reduced.lever_arms.clone();
+    for given in &capacity.lever_arms {
+        R[(given.coordinate, given.muscle)] = given.arm;
+    }
+    let most = |i: usize| if settings.bounded { capacity.bounds[i][1] } else { f64::INFINITY };
     Some(SharingProblem {
         R,
         tau: reduced.moments.clone(),
         x0: reduced.reaction_without.clone(),
         X: reduced.reaction_per_force.clone(),
-        lower_f: DVector::zeros(n),
-        upper_f: DVector::from_fn(n, |i, _| strength(i)),
+        lower_f: DVector::from_fn(n, |i, _| capacity.bounds[i][0]),
+        upper_f: DVector::from_fn(n, |i, _| most(i)),
         lower_x: DVector::from_iterator(table.len(), table.iter().map(|r| r.lower)),
         upper_x: DVector::from_element(table.len(), f64::INFINITY),
         w_f: muscle_weights(settings.muscle_cost, capacity, &l_opt),
@@ -125,7 +125,7 @@ pub fn problem(
     })
 }
 
-/// Shares the loads of every reported frame; activations are left at zero (`muscle::hill` fills them).
+/// Shares the loads of every reported frame, in all of which the muscles have this `capacity`; activations are left at zero (`muscle::hill` fills them).
 pub fn share(
     model: &Model,
     motion: &Motion,

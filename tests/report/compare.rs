@@ -4,10 +4,11 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use base64::Engine;
-use command::report::compare::{CompareReport, Computed, compare_page};
+use command::report::compare::{CompareReport, compare_page};
+use coupling::configuration::PerConfiguration;
 use coupling::scene::Scene;
 use coupling::steps::StepName;
-use coupling::study::{Prepared, Study};
+use coupling::study::{Comparison, Prepared};
 use fem::geometry::Surface;
 use fem::parts::fields;
 use nalgebra::Vector3;
@@ -19,7 +20,7 @@ use super::in_browser;
 /// Two glutei at a coarse resolution, stress-free at heel strike, in both configurations.
 struct Small {
     prepared: Prepared,
-    study: Study,
+    study: Comparison,
 }
 
 fn small() -> &'static Small {
@@ -29,31 +30,23 @@ fn small() -> &'static Small {
         let scene = Scene::parse(Path::new("glutei.toml"), text, None).unwrap();
         let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let study = prepared.solve([true, true], folder.path(), false, &mut |_| ()).unwrap();
+        let study = prepared.solve(PerConfiguration::of(|_| true), folder.path(), false, &mut |_| ()).unwrap();
         Small { prepared, study }
     })
 }
 
 fn report(small: &Small) -> CompareReport<'_> {
-    let computed = |c: usize| {
-        let (plan, result) = small.study.configurations[c].as_ref().unwrap();
-        Some(Computed { plan, result })
-    };
     CompareReport {
         subject: "S01, male, 70 kg, 1.72 m, right leg",
         name: "two <glutei>",
-        thigh: &small.study.thigh,
+        comparison: &small.study,
         bones: &small.prepared.made.as_ref().unwrap().bones,
         mid_thigh: small.prepared.mid_thigh(), // far from the glutei
-        steps: &small.prepared.steps,
-        configurations: [computed(0), computed(1)],
         settings: &[],
         simulated: &[],
         left_out: &[],
         notes: &[],
-        calibration: &small.study.calibration,
         passes: &[],
-        one_way: None,
         unsettled: &[],
         seconds: &[],
     }
@@ -79,7 +72,7 @@ fn the_page_of_a_comparison_shows_every_force_and_fetches_nothing() {
     let table = page.split("id=\"muscle-forces\"").nth(1).unwrap().split("</section>").next().unwrap();
     for k in 0..2 {
         for row in report.rows(k) {
-            for force in [row.rigid, row.fe[0].unwrap().total, row.fe[1].unwrap().total] {
+            for force in [row.rigid, row.fe.without.unwrap().total, row.fe.with.unwrap().total] {
                 let cell = format!(
                     "<td class=\"n\">{}</td>",
                     format!("{force:.1}").replace('-', "−").replace("−0.0", "0.0")
@@ -91,10 +84,8 @@ fn the_page_of_a_comparison_shows_every_force_and_fetches_nothing() {
     let differences = report.differences();
     assert_eq!(differences.len(), 4);
     for d in &differences {
-        let of = |row: &command::report::compare::Row| {
-            let c = usize::from(d.configuration == "with contact");
-            (row.fe[c].unwrap().total - row.rigid).abs()
-        };
+        let of =
+            |row: &command::report::compare::Row| (row.fe[d.configuration].unwrap().total - row.rigid).abs();
         let rows = report.rows(StepName::ALL.iter().position(|s| *s == d.step).unwrap());
         let largest = rows.iter().map(of).fold(0.0, f64::max);
         let carrying: Vec<f64> = rows.iter().filter(|r| r.rigid > 0.5).map(of).collect();
@@ -122,7 +113,8 @@ fn the_viewer_holds_places_and_nodal_values_to_half_a_step_of_its_scale() {
     let mesh = &thigh.mesh;
     let mut index = 0;
     let mut seen = [0; 5];
-    for (plan, result) in small.study.configurations.iter().flatten() {
+    for (_, result) in small.study.solutions.present() {
+        let plan = &result.plan;
         index += 1; // the mesh at rest has no values
         for frame in &result.run.frames {
             let packed = numbers(&page, &index.to_string());

@@ -1,5 +1,6 @@
 //! A muscle of the thigh by itself, as calibration looks at it.
 
+use mesher::part::muscle_of;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -10,8 +11,7 @@ use crate::thigh::build::Thigh;
 /// One muscle (by its number) with its tendons and nothing else; nodes are numbered anew in the same order.
 pub fn alone(thigh: &Thigh, muscle: usize) -> Thigh {
     let own = &thigh.muscles[muscle];
-    let part = format!("{}/", own.name);
-    let is_own = |name: &str| name == own.name || name.starts_with(&part);
+    let is_own = |name: &str| muscle_of(name) == own.name;
 
     let mut mesh = thigh.mesh.clone();
     mesh.blocks.retain(|b| is_own(&b.name));

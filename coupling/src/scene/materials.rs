@@ -18,6 +18,7 @@
 //!
 //! What is not given is not touched, so a scene without materials is the same to the last bit.
 
+use mesher::part::{MusclePart, is_strands, muscle_of};
 use std::ops::RangeInclusive;
 
 use fem::scene::{LawSpec, MembraneLawSpec};
@@ -26,7 +27,7 @@ use toml::Spanned;
 
 use crate::number::short;
 use crate::thigh::build::Thigh;
-use crate::thigh::tendons::{QUADRICEPS_TENDON, regions};
+use crate::thigh::tendons::QUADRICEPS_TENDON;
 use crate::thigh::tissue::{MATRIX, SHELL_SHEAR, SHELL_THICKNESS, TENDON_MODULUS, TENDON_SECTION};
 
 /// Bulk over shear modulus: below, a muscle is no longer nearly incompressible; above, round-off eats the digits of the volume.
@@ -259,7 +260,8 @@ impl Materials {
         for muscle in &thigh.muscles {
             let name = &muscle.name;
             let given = self.of_muscle(name);
-            let [solid_tendon, tendon_fibres] = regions(name);
+            let (solid_tendon, tendon_fibres) =
+                (MusclePart::Tendon.of(name), MusclePart::TendonFibres.of(name));
             let scene = &mut thigh.scene;
             for solid in scene.solids.iter_mut().filter(|s| s.region == *name || s.region == solid_tendon) {
                 if [A, B, BULK].iter().any(|k| given[*k].is_some()) {
@@ -267,7 +269,7 @@ impl Materials {
                 }
                 solid.density = given[DENSITY].unwrap_or(solid.density);
             }
-            for shell in scene.membranes.iter_mut().filter(|m| m.region == format!("{name}/shell")) {
+            for shell in scene.membranes.iter_mut().filter(|m| m.region == MusclePart::Shell.of(name)) {
                 shell.thickness = given[THICKNESS].unwrap_or(shell.thickness);
                 if let Some(mu) = given[SHELL] {
                     shell.law = MembraneLawSpec::NeoHookean { mu };
@@ -278,7 +280,7 @@ impl Materials {
                 if strand.region == tendon_fibres {
                     solids += 1;
                     strand.stiffness *= given[TENDON].map_or(1.0, |e| e / QUADRICEPS_TENDON);
-                } else if strand.region.starts_with(&format!("{name}/tendon_")) {
+                } else if muscle_of(&strand.region) == name && is_strands(&strand.region) {
                     strands += 1;
                     let factor = |k: usize, natural: f64| given[k].map_or(1.0, |v| v / natural);
                     strand.stiffness *= factor(TENDON, TENDON_MODULUS) * factor(SECTION, TENDON_SECTION);

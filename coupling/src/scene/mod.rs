@@ -22,6 +22,7 @@ use toml::Spanned;
 
 pub use keys::{KEYS, TomlKind, wanted};
 
+use crate::configuration::PerConfiguration;
 use crate::steps::StepName;
 use crate::study::compare::StressFree;
 use crate::thigh::lines::lines_of_muscles;
@@ -37,7 +38,7 @@ const FLEXIONS: RangeInclusive<f64> = 0.0..=120.0;
 const RESIDUALS: RangeInclusive<f64> = 1e-3..=100.0;
 /// Residuals without and with contact \[N\] where the scene says nothing. Sections of single muscles are compared in newtons. With contact
 /// the last 10 N cost as much time as all before and move sections by a newton (`docs/results.md`).
-const NATURAL_RESIDUALS: [f64; 2] = [0.1, 10.0];
+const NATURAL_RESIDUALS: PerConfiguration<f64> = PerConfiguration { without: 0.1, with: 10.0 };
 /// A scene is a page of text \[bytes\].
 const LARGEST: u64 = 1 << 20;
 
@@ -83,9 +84,9 @@ pub struct Scene {
     pub resolution: f64,
     /// How far the surfaces of the muscles are drawn in at most \[m\].
     pub draw_in: f64,
-    /// Forces out of balance at which a step counts as solved, without and with contact: norm over all nodes \[N\], more where muscles pull
+    /// Forces out of balance at which a step counts as solved: norm over all nodes \[N\], more where muscles pull
     /// with more than 1000 N.
-    pub residuals: [f64; 2],
+    pub residuals: PerConfiguration<f64>,
     /// Parts in which every step with contact goes, by collision detection alone; `None`: softened contact says where to go.
     pub strict_parts: Option<usize>,
     /// Every state is shown to be a minimum of the energy.
@@ -216,7 +217,7 @@ impl SceneFile {
             wrong.note(at.bad(at.line(byte), key, value, remedy));
         });
         let natural = if at_heel_strike { Fibres::Thermal } else { Fibres::Hill };
-        let [without, with] = NATURAL_RESIDUALS;
+        let PerConfiguration { without, with } = NATURAL_RESIDUALS;
         let accuracy = &self.accuracy;
         let (deformable, muscles) = muscles?;
         Some(Scene {
@@ -229,7 +230,10 @@ impl SceneFile {
             surfaces: surfaces.flatten(),
             resolution: self.resolution_mm.unwrap_or(12.0) * 1e-3,
             draw_in: self.draw_in_mm.unwrap_or(0.0) * 1e-3,
-            residuals: [accuracy.residual_n.unwrap_or(without), accuracy.contact_residual_n.unwrap_or(with)],
+            residuals: PerConfiguration {
+                without: accuracy.residual_n.unwrap_or(without),
+                with: accuracy.contact_residual_n.unwrap_or(with),
+            },
             strict_parts: accuracy.strict_parts,
             check_stability: accuracy.check_stability.unwrap_or(false),
             stress_free,

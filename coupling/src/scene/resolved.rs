@@ -1,5 +1,6 @@
 //! A scene as it was carried out, for `run.json`: every key with its value, what the command line put in its place included.
 
+use crate::configuration::PerConfiguration;
 use fem::scene::ContactMode;
 use toml::{Table, Value};
 
@@ -26,7 +27,7 @@ impl Scene {
         keys.insert("resolution_mm".into(), in_millimetres(self.resolution).into());
         keys.entry("draw_in_mm").or_insert(in_millimetres(self.draw_in).into());
         keys.insert("stress_free".into(), Value::try_from(self.stress_free).expect("a word"));
-        let [without, with] = self.residuals;
+        let PerConfiguration { without, with } = self.residuals;
         let accuracy = section(&mut keys, "accuracy");
         accuracy.entry("residual_n").or_insert(without.into());
         accuracy.entry("contact_residual_n").or_insert(with.into());

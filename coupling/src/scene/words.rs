@@ -1,8 +1,10 @@
 //! What a scene simulates and what it leaves out, in words: for the page, for `run.json` and for `plan`.
 
 use fem::scene::ContactMode;
+use mesher::part::is_strands;
 
 use super::{Fibres, Scene};
+use crate::configuration::PerConfiguration;
 use crate::number::short;
 use crate::study::compare::StressFree;
 use crate::thigh::build::Thigh;
@@ -61,8 +63,8 @@ impl Scene {
                 "Residual",
                 format!(
                     "{} N without contact, {} N with",
-                    short(self.residuals[0]),
-                    short(self.residuals[1])
+                    short(self.residuals.without),
+                    short(self.residuals.with)
                 ),
             ),
             ("Mesh free of stress", stress_free.into()),
@@ -78,8 +80,12 @@ impl Scene {
         .collect()
     }
 
-    /// What is simulated, a sentence each, and what is left out and why. `asked`: which configurations, without and with contact.
-    pub fn effects(&self, thigh: &Thigh, asked: [bool; 2]) -> (Vec<String>, Vec<(String, String)>) {
+    /// What is simulated, a sentence each, and what is left out and why. `asked`: which configurations.
+    pub fn effects(
+        &self,
+        thigh: &Thigh,
+        asked: PerConfiguration<bool>,
+    ) -> (Vec<String>, Vec<(String, String)>) {
         let all = lines_of_muscles();
         let lines: usize = all.values().map(Vec::len).sum();
         let mut simulated = vec![
@@ -96,8 +102,7 @@ impl Scene {
             "{n} muscles as hexahedra of mean dilatation, Mooney-Rivlin matrix, stiffer towards the ends; tied to bone where they grow from it."
         ));
         simulated.push("Bones as rigid bodies that follow the rigid leg.".into());
-        let fans = thigh.scene.strands.iter().filter(|s| s.region.contains("/tendon_"));
-        let fans = fans.count() - thigh.tendons.len();
+        let fans = thigh.scene.strands.iter().filter(|s| is_strands(&s.region)).count();
         if fans > 0 {
             simulated.push(format!("{fans} tendons as strands from the end of a muscle to its insertion."));
         }
@@ -116,7 +121,7 @@ impl Scene {
             true => simulated.push("Shells around the muscles (aponeuroses).".into()),
             false => leave("shells (aponeuroses)", "the scene has `shells = false`"),
         }
-        match (self.contact, asked[1]) {
+        match (self.contact, asked.with) {
             (Some(ContactMode::Guarded), true) => simulated.push(
                 "Frictionless contact between all muscles and bones, guarded: nothing passes through.".into(),
             ),

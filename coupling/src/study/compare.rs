@@ -1,5 +1,6 @@
 //! The gait steps on the deformable thigh, and its muscle forces beside those of the rigid leg.
 
+use mesher::MusclePart;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -98,7 +99,9 @@ impl KeptSides {
 }
 
 /// One configuration carried through the steps.
-pub struct Configuration {
+pub struct Solution {
+    /// What was solved.
+    pub plan: Plan,
     /// What was computed.
     pub run: Run,
     /// Forces at the steps that were solved.
@@ -115,7 +118,7 @@ pub struct Configuration {
     pub on_the_way: usize,
 }
 
-impl Configuration {
+impl Solution {
     /// The solved frames at the steps.
     pub fn at_steps(&self) -> impl Iterator<Item = &Frame> {
         self.run.frames.iter().skip(self.on_the_way)
@@ -213,8 +216,8 @@ pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
 
 /// Carries one configuration through the steps; its frames are written to `folder` as they come, and `on_frame` is called after each.
 /// `restart`: under which key states are kept, and whether those of a killed run are taken over.
-pub fn configuration(
-    plan: &Plan,
+pub fn solution(
+    plan: Plan,
     thigh: &Thigh,
     drive: &Drive,
     steps: &[RigidStep],
@@ -223,31 +226,31 @@ pub fn configuration(
     beside: &Beside,
     restart: Restart,
     on_frame: &mut dyn FnMut(&Frame),
-) -> Result<Configuration, CompareError> {
+) -> Result<Solution, CompareError> {
     let clock = Instant::now();
-    let run = run_restartable(plan, drive, settings, folder, "thigh", beside, restart, on_frame)?;
+    let run = run_restartable(&plan, drive, settings, folder, "thigh", beside, restart, on_frame)?;
     Ok(measured(plan, thigh, run, steps, drive.frames.len() - steps.len(), clock.elapsed()))
 }
 
 /// What is measured on a run through the steps: forces, intersections, overlaps. `passive`: frames on the way to the first step.
 pub fn measured(
-    plan: &Plan,
+    plan: Plan,
     thigh: &Thigh,
     run: Run,
     steps: &[RigidStep],
     passive: usize,
     time: Duration,
-) -> Configuration {
+) -> Solution {
     let at_steps = || run.frames.iter().skip(passive);
     let forces = at_steps().zip(steps).map(|(frame, step)| StepForces {
         step: step.name,
-        muscles: thigh.muscles.iter().map(|muscle| muscle_force(plan, frame, muscle)).collect(),
+        muscles: thigh.muscles.iter().map(|muscle| muscle_force(&plan, frame, muscle)).collect(),
     });
     let forces = forces.collect();
     let mut intersections = Vec::new();
     let mut overlaps = Vec::new();
     for frame in at_steps() {
-        let skins = skins(plan, thigh, frame);
+        let skins = skins(&plan, thigh, frame);
         let pairs: Vec<(usize, usize)> =
             (0..skins.len()).flat_map(|a| (a + 1..skins.len()).map(move |b| (a, b))).collect();
         let shared: Vec<f64> = pairs
@@ -262,12 +265,12 @@ pub fn measured(
         if plan.islands.iter().filter_map(|i| i.contact.as_ref()).any(|c| c.mode == Mode::Cheap) {
             continue; // cheap contact penetrates, and says how deep
         }
-        for ([a, b], n) in fem::measure::intersections(plan, frame.snapshot()) {
+        for ([a, b], n) in fem::measure::intersections(&plan, frame.snapshot()) {
             intersections.push(format!("{a} and {b}: {n} pairs of triangles"));
         }
     }
-    let sides = KeptSides::new(plan, &run);
-    Configuration { run, steps: forces, intersections, overlaps, sides, time, on_the_way: passive }
+    let sides = KeptSides::new(&plan, &run);
+    Solution { plan, run, steps: forces, intersections, overlaps, sides, time, on_the_way: passive }
 }
 
 /// Lines along which shared volume is measured are this far apart \[m\].
@@ -279,7 +282,7 @@ fn skins(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<SearchSurface> {
         collision_surfaces(plan, frame.snapshot()).into_iter().collect();
     let points: Vec<[f64; 3]> = frame.x.as_chunks::<3>().0.to_vec();
     let mut skin = |m: &ThighMuscle| {
-        let name = format!("{}/surface", m.name);
+        let name = MusclePart::Surface.of(&m.name);
         let of_mesh = || Surface::from_faces(&points, &thigh.mesh.surfaces[&name]).0;
         SearchSurface::new(touching.remove(&name).unwrap_or_else(of_mesh))
     };

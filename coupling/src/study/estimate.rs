@@ -8,24 +8,25 @@ use fem::plan::{LoadedIsland, Plan};
 use fem::solve::{Analysis, Pattern, Potential};
 use rayon::prelude::*;
 
+use crate::configuration::{Configuration, PerConfiguration};
 use crate::scene::{Fibres, Scene};
 use crate::study::STAGES;
 use crate::thigh::build::Thigh;
 
 /// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured with the built-in walker at 12 and 6 mm, muscles spread fivefold.
-const ITERATIONS: [f64; 2] = [35.0, 22.0];
+const ITERATIONS: PerConfiguration<f64> = PerConfiguration { without: 35.0, with: 22.0 };
 /// Newton iterations of a muscle in its calibration, all solutions together; the Hessian is often indefinite there, and counts twice.
 const CALIBRATION: f64 = 75.0;
 /// Floating-point operations of a factorization per second and core, as measured.
 const FLOPS: f64 = 2e10;
 /// Seconds of one core per element and iteration for assembly and line search, as measured; contact looks at surfaces too.
-const ASSEMBLY: [f64; 2] = [2.5e-5, 1e-4];
+const ASSEMBLY: PerConfiguration<f64> = PerConfiguration { without: 2.5e-5, with: 1e-4 };
 /// Seconds of the rigid leg, and of one core per element for meshing, as measured.
 const RIGID_LEG: f64 = 0.05;
 const MESHING: f64 = 7.5e-4;
 /// Memory beside matrix and factors of the bodies alone, as measured \[bytes per element\]: without contact, and with it, whose pairs
 /// join the factors.
-const MEMORY: [f64; 2] = [6e3, 2.8e4];
+const MEMORY: PerConfiguration<f64> = PerConfiguration { without: 6e3, with: 2.8e4 };
 /// Memory of the program in any case \[bytes\].
 const PROGRAM: f64 = 4e7;
 
@@ -58,12 +59,12 @@ pub struct Stage {
 }
 
 impl Expected {
-    /// Of a scene whose thigh without and with contact takes so much, where that is asked for.
-    pub fn of(scene: &Scene, thigh: &Thigh, works: [Option<Work>; 2]) -> Expected {
+    /// Of a scene whose thigh takes so much in the configurations that are asked for.
+    pub fn of(scene: &Scene, thigh: &Thigh, works: PerConfiguration<Option<Work>>) -> Expected {
         let solid = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid());
         let elements: usize = solid.map(|b| b.n_cells()).sum();
         let threads = rayon::current_num_threads() as f64;
-        let stage = |name, work: Work, c: usize, iterations: f64| Stage {
+        let stage = |name, work: Work, c: Configuration, iterations: f64| Stage {
             name,
             work,
             seconds: (work.operations / FLOPS + ASSEMBLY[c] * elements as f64) * iterations / threads,
@@ -75,13 +76,14 @@ impl Expected {
                 / f64::from(1 << 20),
         };
         let mut stages = Vec::new();
-        let any = works.into_iter().flatten().next();
+        let any = works.present().map(|(_, work)| *work).next();
         stages.extend(
-            any.filter(|_| scene.fibres != Fibres::None).map(|w| stage(STAGES[2], w, 0, CALIBRATION)),
+            any.filter(|_| scene.fibres != Fibres::None)
+                .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION)),
         );
-        for (c, work) in works.into_iter().enumerate() {
+        for (c, work) in works.present() {
             let iterations = ITERATIONS[c] * scene.steps.len() as f64;
-            stages.extend(work.map(|work| stage(STAGES[3 + c], work, c, iterations)));
+            stages.push(stage(c.name(), *work, c, iterations));
         }
         Expected {
             elements,
@@ -164,16 +166,23 @@ impl Work {
         })
     }
 
-    /// Of a scene on a draft of its thigh, without and with contact, as `asked`. In contact all islands with a muscle are one; its factors
+    /// Of a scene on a draft of its thigh, in the configurations that are `asked` for. In contact all islands with a muscle are one; its factors
     /// are taken as those of the islands alone.
-    pub fn of_draft(scene: &Scene, thigh: &Thigh, asked: [bool; 2]) -> [Option<Work>; 2] {
+    pub fn of_draft(
+        scene: &Scene,
+        thigh: &Thigh,
+        asked: PerConfiguration<bool>,
+    ) -> PerConfiguration<Option<Work>> {
         if !scene.deformable {
-            return [None, None];
+            return PerConfiguration::default();
         }
         let alone = Work::of_thigh(thigh);
         let sewn = thigh.tendons.len().saturating_sub(1);
         let islands = (alone.islands + sewn + 1).saturating_sub(thigh.muscles.len());
-        [asked[0].then_some(alone), asked[1].then_some(Work { islands, ..alone })]
+        PerConfiguration {
+            without: asked.without.then_some(alone),
+            with: asked.with.then_some(Work { islands, ..alone }),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Why a muscle of the thigh pulls otherwise than on the rigid leg, in numbers.
 
+use mesher::MusclePart;
 use std::io::{self, Write};
 
 use fem::effect::Part;
@@ -66,7 +67,7 @@ pub fn explain(
             rigid_passive = Some(units[i].force_at(rigid, 0.0));
             length_ratio = Some(units[i].fibre_length(shift) / units[i].fibre_length_at(rigid));
         }
-        let name = format!("{}/surface", muscle.name);
+        let name = MusclePart::Surface.of(&muscle.name);
         let pushes = pairs.iter().filter_map(|p| {
             let sign = p.names.iter().position(|n| *n == name).map(|side| [1.0, -1.0][side])?;
             Some(sign * Vector3::from(p.wrench.force))

@@ -17,6 +17,7 @@ use fem::run::{Drive, Frame, Run};
 use fem::solve::{Iteration, Settings, Stability, Way};
 use mesher::limb::Limb;
 
+use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::StudyError;
 use crate::fibres::cache::{Cache, content_hash};
 use crate::fibres::muscle_unit::Fit;
@@ -24,7 +25,7 @@ use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
 use crate::steps::{RigidStep, rigid_step};
-use crate::study::compare::{CompareError, Configuration, beside, configuration, drive, measured};
+use crate::study::compare::{CompareError, Solution, StepForces, beside, drive, measured, solution};
 use crate::subject::{factors, limb_map};
 use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
@@ -48,12 +49,16 @@ pub const SETTINGS: Settings = Settings {
     way: Way::Guided,
 };
 
-/// Folders of the frames without and with contact.
-pub const FOLDERS: [&str; 2] = ["no_contact", "contact"];
 /// Folder of the frames of the one-way result, where there is a two-way one.
 pub const ONE_WAY_FOLDER: &str = "one_way";
 /// Stages of a study, in their order.
-pub const STAGES: [&str; 5] = ["rigid leg", "mesh", "calibration", "without contact", "with contact"];
+pub const STAGES: [&str; 5] = [
+    "rigid leg",
+    "mesh",
+    "calibration",
+    Configuration::WithoutContact.name(),
+    Configuration::WithContact.name(),
+];
 
 /// A scene with everything but the solution.
 pub struct Prepared {
@@ -81,12 +86,12 @@ pub struct Ready {
     pub calibration: Calibration,
     /// Per step the control of every muscle.
     pub controls: Vec<Vec<f64>>,
-    /// Without and with contact, where asked for.
-    plans: [Option<Plan>; 2],
+    /// Those asked for.
+    plans: PerConfiguration<Option<Plan>>,
 }
 
-/// What came of a scene.
-pub struct Study {
+/// What came of a scene: the thigh beside the rigid leg.
+pub struct Comparison {
     /// The thigh with its fibres.
     pub thigh: Thigh,
     /// How its fibres were calibrated.
@@ -95,8 +100,8 @@ pub struct Study {
     pub controls: Vec<Vec<f64>>,
     /// What the rigid leg says of the steps; after two-way coupling the forces of its last pass.
     pub steps: Vec<RigidStep>,
-    /// Without and with contact, where asked for; after two-way coupling those of its last pass.
-    pub configurations: [Option<(Plan, Configuration)>; 2],
+    /// Those asked for; after two-way coupling that of its last pass.
+    pub solutions: PerConfiguration<Option<Solution>>,
     /// What stood there before two-way coupling.
     pub one_way: Option<OneWay>,
 }
@@ -105,8 +110,10 @@ pub struct Study {
 pub struct OneWay {
     /// What the rigid leg says of the steps.
     pub steps: Vec<RigidStep>,
-    /// The thigh without contact.
-    pub result: Configuration,
+    /// The thigh without contact: what was solved in it, and its forces.
+    pub run: Run,
+    /// Forces at the steps that were solved.
+    pub forces: Vec<StepForces>,
 }
 
 /// A scene with the rigid leg, before its mesh.
@@ -220,33 +227,36 @@ impl Prepared {
         0.5 * (frames.hip.y + frames.knee.y)
     }
 
-    /// Compiles the thigh with (1) or without contact (0).
-    pub fn plan(&self, thigh: &Thigh, configuration: usize) -> Result<Plan, StudyError> {
+    /// Compiles the thigh.
+    pub fn plan(&self, thigh: &Thigh, configuration: Configuration) -> Result<Plan, StudyError> {
         let Thigh { scene, mesh, .. } = self.configured(thigh, configuration);
         Plan::new(&scene, mesh).map_err(|e| StudyError::Option(e.to_string()))
     }
 
-    /// The thigh with (1) or without contact (0).
-    fn configured(&self, thigh: &Thigh, configuration: usize) -> Thigh {
+    /// The thigh, in contact where that is asked for.
+    fn configured(&self, thigh: &Thigh, configuration: Configuration) -> Thigh {
         let mut thigh = thigh.clone();
-        if let (1, Some(made), Some(mode)) = (configuration, &self.made, self.scene.contact) {
+        if let (Configuration::WithContact, Some(made), Some(mode)) =
+            (configuration, &self.made, self.scene.contact)
+        {
             thigh.add_contact(&made.bones, &made.attachments);
             thigh.scene.contact.as_mut().expect("just added").mode = mode;
         }
         thigh
     }
 
-    /// Calibrates the fibres and compiles the configurations that are `asked` for: without contact, with contact. What is wrong with the
+    /// Calibrates the fibres and compiles the configurations that are `asked` for. What is wrong with the
     /// scene shows here. Calibrations are kept in the [`Cache`] beside `folder`. `lap` is called as the stage ends.
     pub fn calibrate(
         &self,
-        asked: [bool; 2],
+        asked: PerConfiguration<bool>,
         folder: &Path,
         lap: &mut dyn FnMut(&str),
     ) -> Result<Ready, StudyError> {
         let thigh = self.thigh.clone();
         let calibration = Calibration::None;
-        let mut ready = Ready { thigh, calibration, controls: Vec::new(), plans: [None, None] };
+        let mut ready =
+            Ready { thigh, calibration, controls: Vec::new(), plans: PerConfiguration::default() };
         if self.made.is_none() {
             return Ok(ready);
         }
@@ -264,7 +274,7 @@ impl Prepared {
         if self.scene.fibres != Fibres::None {
             lap(STAGES[2]);
         }
-        for c in (0..2).filter(|c| asked[*c]) {
+        for c in Configuration::ALL.into_iter().filter(|c| asked[*c]) {
             ready.plans[c] = Some(self.plan(&ready.thigh, c)?);
         }
         Ok(ready)
@@ -273,15 +283,15 @@ impl Prepared {
     /// [`Prepared::calibrate`] and [`Prepared::solve_ready`].
     pub fn solve(
         &self,
-        asked: [bool; 2],
+        asked: PerConfiguration<bool>,
         folder: &Path,
         resume: bool,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Study, StudyError> {
+    ) -> Result<Comparison, StudyError> {
         self.solve_ready(self.calibrate(asked, folder, lap)?, folder, resume, lap)
     }
 
-    /// Solves the steps in every configuration; frames go to the [`FOLDERS`] in `folder`.
+    /// Solves the steps in every configuration; frames go to its [folder](Configuration::folder) in `folder`.
     /// `resume`: solved frames of a killed run of the same scene are taken over. `lap` is called as each stage ends.
     pub fn solve_ready(
         &self,
@@ -289,20 +299,21 @@ impl Prepared {
         folder: &Path,
         resume: bool,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Study, StudyError> {
+    ) -> Result<Comparison, StudyError> {
         let Ready { thigh, calibration, controls, plans } = ready;
-        let mut study = Study {
+        let mut comparison = Comparison {
             thigh,
             calibration,
             controls,
             steps: self.steps.clone(),
-            configurations: [None, None],
+            solutions: PerConfiguration::default(),
             one_way: None,
         };
-        let (thigh, steps) = (&study.thigh, &self.steps);
-        for (c, plan) in plans.into_iter().enumerate() {
+        let (thigh, steps) = (&comparison.thigh, &self.steps);
+        let PerConfiguration { without, with } = plans;
+        for (c, plan) in Configuration::ALL.into_iter().zip([without, with]) {
             let Some(plan) = plan else { continue };
-            let way = drive(&plan, thigh, &study.controls, steps, self.scene.stress_free)?;
+            let way = drive(&plan, thigh, &comparison.controls, steps, self.scene.stress_free)?;
             let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
             let mut settings = Settings { tolerance, ..SETTINGS };
             if let Some(parts) = self.scene.strict_parts {
@@ -313,21 +324,25 @@ impl Prepared {
             }
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
-            let folder = folder.join(FOLDERS[c]);
+            let folder = folder.join(c.folder());
             let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
             let beside = beside(&way, steps, self.scene.stress_free, bones);
-            let done =
-                configuration(&plan, thigh, &way, steps, &settings, &folder, &beside, restart, &mut |_| ())?;
-            lap(STAGES[3 + c]);
-            study.configurations[c] = Some((plan, done));
+            let done = solution(plan, thigh, &way, steps, &settings, &folder, &beside, restart, &mut |_| ())?;
+            lap(c.name());
+            comparison.solutions[c] = Some(done);
         }
-        Ok(study)
+        Ok(comparison)
     }
 
     /// Two-way coupling from the one-way result without contact, `most` passes at most. Needs Hill fibres and all steps solved.
-    pub fn two_way(&self, study: &Study, scheme: Scheme, most: usize) -> Result<Coupling, StudyError> {
-        let (Calibration::Hill { muscles, units, scale }, Some((plan, alone))) =
-            (&study.calibration, &study.configurations[0])
+    pub fn two_way(
+        &self,
+        comparison: &Comparison,
+        scheme: Scheme,
+        most: usize,
+    ) -> Result<Coupling, StudyError> {
+        let (Calibration::Hill { muscles, units, scale }, Some(alone)) =
+            (&comparison.calibration, &comparison.solutions.without)
         else {
             let why = "two-way coupling needs Hill fibres and the configuration without contact";
             return Err(StudyError::Option(why.into()));
@@ -336,13 +351,14 @@ impl Prepared {
         if first.len() < self.steps.len() {
             return Err(StudyError::NotConverged("two-way coupling needs all steps solved one-way".into()));
         }
-        let way = drive(plan, &study.thigh, &study.controls, &self.steps, self.scene.stress_free)?;
+        let plan = &alone.plan;
+        let way = drive(plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
         let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
         let two_way = TwoWay {
             done: &self.done,
             registration: &self.registration,
             steps: &self.steps,
-            thigh: &study.thigh,
+            thigh: &comparison.thigh,
             plan,
             drive: &way,
             units,
@@ -353,21 +369,21 @@ impl Prepared {
         two_way.passes(&first, scheme, most)
     }
 
-    /// Makes the last pass of two-way coupling the result of the study, with the one-way result [beside it](Study::one_way); its frames go
+    /// Makes the last pass of two-way coupling the result, with the one-way result [beside it](Comparison::one_way); its frames go
     /// to the folder of the configuration, those of the one-way result to [`ONE_WAY_FOLDER`]. `took`: the wall time of the passes.
     pub fn adopt(
         &self,
-        study: &mut Study,
+        comparison: &mut Comparison,
         last: &[Coupled],
         took: Duration,
         folder: &Path,
     ) -> Result<(), StudyError> {
-        let (plan, one_way) = study.configurations[0].take().expect("the passes began from it");
-        let way = drive(&plan, &study.thigh, &study.controls, &self.steps, self.scene.stress_free)?;
-        let on_the_way = one_way.on_the_way;
+        let one_way = comparison.solutions.without.take().expect("the passes began from it");
+        let Solution { plan, run: before, steps: forces, on_the_way, .. } = one_way;
+        let way = drive(&plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
         let mut run = Run {
-            frames: one_way.run.frames[..on_the_way].to_vec(),
-            iterations: one_way.run.iterations.iter().filter(|row| row.step < on_the_way).cloned().collect(),
+            frames: before.frames[..on_the_way].to_vec(),
+            iterations: before.iterations.iter().filter(|row| row.step < on_the_way).cloned().collect(),
             ..Run::default()
         };
         for (k, coupled) in last.iter().enumerate() {
@@ -379,26 +395,26 @@ impl Prepared {
         let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
         let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
         let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
-        write(&one_way.run, ONE_WAY_FOLDER)
-            .and_then(|()| write(&run, FOLDERS[0]))
+        write(&before, ONE_WAY_FOLDER)
+            .and_then(|()| write(&run, Configuration::WithoutContact.folder()))
             .map_err(CompareError::from)?;
         let steps: Vec<RigidStep> = self
             .steps
             .iter()
             .zip(last)
-            .map(|(step, coupled)| self.coupled_step(study, step, coupled))
+            .map(|(step, coupled)| self.coupled_step(&comparison.thigh, step, coupled))
             .collect();
-        let result = measured(&plan, &study.thigh, run, &steps, on_the_way, took);
-        study.configurations[0] = Some((plan, result));
-        study.one_way = Some(OneWay { steps: std::mem::replace(&mut study.steps, steps), result: one_way });
+        comparison.solutions.without = Some(measured(plan, &comparison.thigh, run, &steps, on_the_way, took));
+        let steps = std::mem::replace(&mut comparison.steps, steps);
+        comparison.one_way = Some(OneWay { steps, run: before, forces });
         Ok(())
     }
 
     /// A step with the forces that force sharing wants of the coupled thigh, and the activations that drive it.
-    fn coupled_step(&self, study: &Study, step: &RigidStep, coupled: &Coupled) -> RigidStep {
+    fn coupled_step(&self, thigh: &Thigh, step: &RigidStep, coupled: &Coupled) -> RigidStep {
         let mut step = step.clone();
         for muscle in &mut step.muscles {
-            let meshed = study.thigh.muscles.iter().position(|m| m.name == muscle.name);
+            let meshed = thigh.muscles.iter().position(|m| m.name == muscle.name);
             for line in &mut muscle.lines {
                 let i =
                     self.done.model.muscles.iter().position(|m| m.name == line.name).expect("tables agree");
@@ -412,15 +428,14 @@ impl Prepared {
     }
 }
 
-impl Study {
+impl Comparison {
     /// `explanation.csv`: a row per step, configuration and muscle.
     pub fn write_explanations(&self, w: &mut dyn Write) -> io::Result<()> {
         writeln!(w, "{}", explain::COLUMNS)?;
-        for (plan, result) in self.configurations.iter().flatten() {
-            let name = if plan.islands.iter().any(|i| i.contact.is_some()) { FOLDERS[1] } else { FOLDERS[0] };
+        for (configuration, result) in self.solutions.present() {
             for (step, frame) in self.steps.iter().zip(result.at_steps()) {
-                let rows = explain::explain(plan, &self.thigh, &self.calibration, step, frame);
-                explain::write_rows(w, step.name.name(), name, &rows)?;
+                let rows = explain::explain(&result.plan, &self.thigh, &self.calibration, step, frame);
+                explain::write_rows(w, step.name.name(), configuration.folder(), &rows)?;
             }
         }
         Ok(())

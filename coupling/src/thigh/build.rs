@@ -1,5 +1,6 @@
 //! From blocks of muscles and their attachments to a mesh and a scene.
 
+use mesher::part::{MusclePart, bone_surface};
 use std::collections::{BTreeMap, BTreeSet};
 
 use fem::geometry::SearchSurface;
@@ -14,7 +15,7 @@ use mesher::fibres::{end_stiffness, fibres, mean_section};
 use mesher::{Bone, MuscleBlock, to_mesh};
 use nalgebra::Vector3;
 
-use super::tendons::{LEAST_SHAPE, TOE, Tendon, add_patellar_ligament, add_tendons, is_seam, regions};
+use super::tendons::{LEAST_SHAPE, TOE, Tendon, add_patellar_ligament, add_tendons, is_seam};
 use super::tissue::{
     END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX, SHELL_SHEAR, SHELL_THICKNESS, TENDON_MODULUS,
     TENDON_SECTION,
@@ -116,7 +117,7 @@ impl Thigh {
     /// Length of the fibres of a muscle (by its number) over that in the mesh, mean weighted with their sections, where the nodes are at `x`
     /// \[m\].
     pub fn fibre_stretch(&self, muscle: usize, x: &[f64]) -> f64 {
-        let name = format!("{}/fibres", self.muscles[muscle].name);
+        let name = MusclePart::Fibres.of(&self.muscles[muscle].name);
         let spec = self.scene.fibres.iter().find(|f| f.name == name).expect("a thigh with fibres");
         let block =
             self.mesh.blocks.iter().find(|b| b.name == name).expect("fibres of the scene are in the mesh");
@@ -128,7 +129,10 @@ impl Thigh {
 
     /// Faces of the solid tendons and of what joins them, and the strands as pairs of points \[m\]: to be drawn.
     pub fn tendon_faces(&self) -> Vec<Vec<Vector3<f64>>> {
-        let solid = self.tendons.iter().map(|t| regions(&t.muscle));
+        let solid = self
+            .tendons
+            .iter()
+            .map(|t| [MusclePart::Tendon, MusclePart::TendonFibres].map(|part| part.of(&t.muscle)));
         let inside: Vec<String> = solid.clone().map(|[_, fibres]| fibres).collect();
         let strands = self.scene.strands.iter().map(|s| s.region.clone()).filter(|r| !inside.contains(r));
         let seams = self.scene.membranes.iter().map(|m| m.region.clone()).filter(|r| is_seam(r));
@@ -148,10 +152,11 @@ impl Thigh {
     /// A muscle takes no notice of a bone that one of its end faces or tendons reaches: it is drawn into the bone there, by up to
     /// 2 mm. Broad origins on the side keep contact with their bone beyond the patch.
     pub fn add_contact(&mut self, bones: &[Bone], attachments: &[Attachment]) {
-        let mut surfaces: Vec<String> = self.muscles.iter().map(|m| format!("{}/surface", m.name)).collect();
+        let mut surfaces: Vec<String> =
+            self.muscles.iter().map(|m| MusclePart::Surface.of(&m.name)).collect();
         for bone in bones {
             let Some(segment) = segment_of(&bone.name) else { continue };
-            let name = format!("bone/{}", bone.name);
+            let name = bone_surface(&bone.name);
             let first = self.mesh.points.len() as u32;
             self.mesh.points.extend(&bone.surface.points);
             let triangle = |&[a, b, c]: &[u32; 3]| [a + first, b + first, c + first, c + first];
@@ -167,7 +172,7 @@ impl Thigh {
             .iter()
             .filter(|a| a.role != Role::Contact && !matches!(a.site, Site::SidePatch { .. }));
         let mut excluded: Vec<[String; 2]> = ends
-            .map(|a| [format!("{}/surface", a.muscle), format!("bone/{}", a.bone)])
+            .map(|a| [MusclePart::Surface.of(&a.muscle), bone_surface(&a.bone)])
             .filter(|pair| pair.iter().all(|name| surfaces.contains(name)))
             .collect();
         excluded.sort();
@@ -194,11 +199,6 @@ pub fn reaches(bones: &[Bone], before: BTreeMap<String, SearchSurface>) -> Box<R
         let point = nearest.map_or(*point, |(closest, ..)| closest.on_b);
         search.get(bone).is_none_or(|s| s.nearest(&point).is_some_and(|(p, ..)| p.distance <= PATCH_REACH))
     })
-}
-
-/// Name of the node set of `muscle` that is tied to `segment`.
-fn tie_set(muscle: &str, segment: &str) -> String {
-    format!("{muscle}/on_{segment}")
 }
 
 /// Puts the thigh together. `sections`: physiological cross-section of a muscle \[m²\], that of its fibres; without one, the
@@ -262,7 +262,7 @@ fn put_together(
             muscle.fibre_length = add_fibres(block, muscle.fibre_area, first, &mut mesh, &mut scene);
         }
         if effects.shells {
-            let region = format!("{}/shell", block.name);
+            let region = MusclePart::Shell.of(&block.name);
             let nodes = block.side_faces().into_iter().flatten().map(|n| n + first).collect();
             mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Quad4, nodes });
             scene.membranes.push(MembraneSpec {
@@ -296,7 +296,7 @@ pub(super) fn add_fibres(
     scene: &mut Scene,
 ) -> f64 {
     let fibres = fibres(block, section);
-    let name = format!("{}/fibres", block.name);
+    let name = MusclePart::Fibres.of(&block.name);
     let place = |n: u32| Vector3::from(block.points[n as usize]);
     let volume: f64 = fibres
         .segments
@@ -348,7 +348,7 @@ fn tie(
     }
     for (segment, mut nodes) in sets {
         nodes.sort_unstable();
-        let set = tie_set(&block.name, segment);
+        let set = MusclePart::On(segment).of(&block.name);
         mesh.node_sets.insert(set.clone(), nodes.clone());
         scene.ties.push(TieSpec { nodes: set, body: segment.into() });
         muscle.tied.insert(segment.into(), nodes);
@@ -376,7 +376,7 @@ fn hang<'a>(
         let anchor = a.tendon.iter().find(|p| (*p - centre).norm() > TENDON_START).unwrap_or(last);
         let on_bone = mesh.points.len() as u32;
         mesh.points.push((*anchor).into());
-        let region = format!("{}/tendon_{}", block.name, k + 1);
+        let region = MusclePart::Strands(k + 1).of(&block.name);
         let lines = nodes.iter().flat_map(|n| [n + first, on_bone]).collect();
         mesh.blocks.push(CellBlock { name: region.clone(), kind: CellKind::Line2, nodes: lines });
         let stiffness = TENDON_MODULUS * TENDON_SECTION / nodes.len() as f64;

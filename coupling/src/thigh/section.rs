@@ -2,6 +2,7 @@
 
 use fem::measure::{Cut, SectionForce, Snapshot, section_force};
 use fem::plan::Plan;
+use mesher::MusclePart;
 use nalgebra::Vector3;
 
 use crate::thigh::build::ThighMuscle;
@@ -26,7 +27,8 @@ impl BellyForce {
 pub fn belly_force(plan: &Plan, at: Snapshot, muscle: &ThighMuscle) -> BellyForce {
     let layer = muscle.layer_at(0.5);
     let normal = muscle.tangent(layer);
-    let effects = ["", "/fibres", "/shell"].map(|part| format!("{}{part}", muscle.name)).to_vec();
+    let effects =
+        [MusclePart::Belly, MusclePart::Fibres, MusclePart::Shell].map(|part| part.of(&muscle.name)).to_vec();
     let cut = Cut { point: muscle.line[layer].into(), normal: normal.into(), effects };
     let centre = |layer: usize| -> Vector3<f64> {
         let nodes = muscle.layer_nodes(layer);

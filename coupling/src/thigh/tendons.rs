@@ -7,6 +7,7 @@
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::scene::{MembraneLawSpec, MembraneSpec, Scene, SolidSpec, StrandSpec, TieSpec};
 use mesher::MuscleBlock;
+use mesher::MusclePart;
 use mesher::attachment::{Attachment, Role};
 use mesher::tendon::Slip;
 use nalgebra::Vector3;
@@ -52,11 +53,6 @@ pub struct Tendon {
     pub layers: Vec<Vec<u32>>,
     /// Which of a layer lie on its outline.
     outline: Vec<u32>,
-}
-
-/// Names of the regions of a solid tendon: cells, fibres.
-pub fn regions(muscle: &str) -> [String; 2] {
-    [format!("{muscle}/tendon"), format!("{muscle}/tendon_fibres")]
 }
 
 /// Whether a membrane is a seam between two tendons.
@@ -120,7 +116,7 @@ fn add_tendon(
             cells.extend(cell.map(|k| pair[1][k as usize]));
         }
     }
-    let [region, fibres] = regions(&block.name);
+    let (region, fibres) = (MusclePart::Tendon.of(&block.name), MusclePart::TendonFibres.of(&block.name));
     mesh.points.extend(slip.layers[1..].iter().flatten().map(|p| <[f64; 3]>::from(*p)));
     let solid = CellBlock { name: region.clone(), kind: CellKind::Hex8, nodes: cells };
     let shape = mesh.quality(&solid).map_or(0.0, |q| q.least_scaled_jacobian);

@@ -5,6 +5,7 @@ use fem::plan::Plan;
 use fem::run::{DriveFrame, Frame, Session};
 use fem::scene::{PrescribedSpec, Scene, SolidSpec};
 use fem::solve::Settings;
+use mesher::MusclePart;
 use mesher::fibres::{end_stiffness, share_of_length};
 use mesher::{MuscleBlock, to_mesh};
 use nalgebra::Vector3;
@@ -103,8 +104,8 @@ impl<'a> MuscleAlone<'a> {
         let block = self.block;
         let mut mesh = to_mesh(std::slice::from_ref(block));
         mesh.surfaces.clear();
-        let held = |end: &str, displacement: Vec<[f64; 3]>| PrescribedSpec {
-            nodes: format!("{}/{end}", block.name),
+        let held = |end: MusclePart, displacement: Vec<[f64; 3]>| PrescribedSpec {
+            nodes: end.of(&block.name),
             components: [true; 3],
             control: (!displacement.is_empty()).then(|| "stretch".into()),
             displacement,
@@ -114,7 +115,7 @@ impl<'a> MuscleAlone<'a> {
                 scale: end_stiffness(block, END_STIFFNESS, END_LAYERS),
                 ..SolidSpec::new(&block.name, MATRIX)
             }],
-            prescribed: vec![held("origin", vec![]), held("insertion", moved)],
+            prescribed: vec![held(MusclePart::Origin, vec![]), held(MusclePart::Insertion, moved)],
             ..Scene::default()
         };
         add_fibres(block, self.fibre_area, 0, &mut mesh, &mut scene);
@@ -144,7 +145,7 @@ impl<'a> MuscleAlone<'a> {
         let belly =
             (1..line.len() - 1).min_by(|a, b| far(a).total_cmp(&far(b))).expect("a muscle has layers");
         let tangent = (line[belly + 1] - line[belly - 1]).normalize();
-        let effects = ["", "/fibres"].map(|part| format!("{}{part}", block.name)).to_vec();
+        let effects = [MusclePart::Belly, MusclePart::Fibres].map(|part| part.of(&block.name)).to_vec();
         let cut = Cut { point: line[belly].into(), normal: tangent.into(), effects };
         Ok(Trial {
             increments: report.load_steps,

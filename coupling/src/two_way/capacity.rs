@@ -14,16 +14,20 @@ use fem::body::Wrench;
 use fem::effect::Part;
 use fem::measure::{Snapshot, nodal_forces};
 use fem::plan::Plan;
+use mesher::part::muscle_of;
 use multibody::model::Model;
 use multibody::natural::{Coordinates, SegmentId};
 use nalgebra::{DMatrix, DVector, Vector3};
 
+use crate::fibres::muscle_unit::MuscleUnit;
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
 use crate::thigh::section::belly_force;
 
 /// Below this force \[N\] moment over force says nothing about a lever arm.
 const LEAST_FORCE: f64 = 20.0;
+/// Bounds of a tension are at least this far apart \[N\]: a muscle that can do next to nothing is held, but not by two equal bounds.
+const ROOM: f64 = 1.0;
 /// Step of the difference quotient along the natural coordinates \[rad\].
 const STEP: f64 = 1e-6;
 
@@ -89,6 +93,76 @@ impl VirtualTwists {
     }
 }
 
+/// Joint coordinates that muscles of the thigh move: three of the hip, one of the knee.
+pub const MOVED: usize = 4;
+/// Their names.
+pub const COORDINATES: [&str; MOVED] = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"];
+
+/// What force sharing counts on a muscle of the thigh for, at a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MuscleCapacity {
+    /// Its lines are longer by this than in the posture of the mesh \[m\].
+    pub shift: f64,
+    /// Force of its matrix and shell \[N\].
+    pub tissue: f64,
+    /// How much of the tension of its fibres comes through the belly, as a factor.
+    pub through_belly: f64,
+    /// Lever arms about the [`COORDINATES`] \[m\].
+    pub lever_arms: [f64; MOVED],
+}
+
+impl MuscleCapacity {
+    /// Its numbers.
+    pub const N: usize = 3 + MOVED;
+    /// Changes that count alike: of lengths \[m\], of forces \[N\], of the factor, of lever arms \[m\].
+    const LENGTH: f64 = 0.01;
+    const FORCE: f64 = 100.0;
+    const FACTOR: f64 = 0.1;
+    const ARM: f64 = 0.01;
+
+    /// As numbers that count alike, the factor from one on.
+    pub fn scaled(&self) -> [f64; Self::N] {
+        std::array::from_fn(|i| match i {
+            0 => self.shift / Self::LENGTH,
+            1 => self.tissue / Self::FORCE,
+            2 => (self.through_belly - 1.0) / Self::FACTOR,
+            arm => self.lever_arms[arm - 3] / Self::ARM,
+        })
+    }
+
+    /// From these numbers.
+    pub fn of_scaled(x: &[f64]) -> MuscleCapacity {
+        MuscleCapacity {
+            shift: Self::LENGTH * x[0],
+            tissue: Self::FORCE * x[1],
+            through_belly: 1.0 + Self::FACTOR * x[2],
+            lever_arms: std::array::from_fn(|c| Self::ARM * x[3 + c]),
+        }
+    }
+
+    /// What a number is.
+    pub fn quantity(number: usize) -> String {
+        match number {
+            0 => "length".into(),
+            1 => "tissue".into(),
+            2 => "share".into(),
+            arm => COORDINATES[arm - 3].replace('_', " "),
+        }
+    }
+
+    /// Least and greatest tension \[N\] of a muscle whose fibres are `unit`: at rest and fully active.
+    pub fn bounds(&self, unit: &MuscleUnit) -> [f64; 2] {
+        let bound = |a: f64| (self.through_belly * unit.force(self.shift, a) + self.tissue).max(0.0);
+        let (least, most) = (bound(0.0), bound(1.0));
+        [least, most.max(least + ROOM)]
+    }
+
+    /// The isometric activation at which it pulls with `tension` \[N\].
+    pub fn drive(&self, unit: &MuscleUnit, tension: f64) -> f64 {
+        unit.drive_for(self.shift, (tension - self.tissue) / self.through_belly)
+    }
+}
+
 /// What a muscle does to the skeleton.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MuscleAction {
@@ -110,10 +184,9 @@ pub struct MuscleAction {
 pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists) -> Vec<MuscleAction> {
     let g = nodal_forces(plan, at);
     let one = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
-        let own = format!("{}/", muscle.name);
         let mut moments = DVector::zeros(twists.bodies[0].1.len());
         let mut resultant = Vector3::zeros();
-        for tie in thigh.scene.ties.iter().filter(|t| t.nodes.starts_with(&own)) {
+        for tie in thigh.scene.ties.iter().filter(|t| muscle_of(&t.nodes) == muscle.name) {
             let mut wrench = Wrench::default();
             for &n in &plan.mesh.node_sets[&tie.nodes] {
                 let k = 3 * n as usize;

@@ -17,7 +17,7 @@ use fem::plan::Plan;
 use fem::run::{Advanced, Drive, DriveFrame, Frame, Session};
 use fem::solve::{Iteration, Settings};
 use multibody::share::{SharingSettings, names, problem};
-use multibody::sharing::{Capacity, SharingProblem, SharingSolver};
+use multibody::sharing::{Capacity, LeverArm, SharingProblem, SharingSolver};
 use multibody::trial::Status;
 use nalgebra::{DMatrix, DVector};
 
@@ -27,27 +27,19 @@ use crate::optimize::Optimized;
 use crate::steps::RigidStep;
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
-use crate::two_way::capacity::{MuscleAction, VirtualTwists, actions, as_units, sewn};
+use crate::two_way::capacity::{
+    COORDINATES, MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units, sewn,
+};
 use crate::two_way::fixed_point::{FixedPoint, Scheme};
 
 /// Relative change of the capacity at which the passes end.
 pub const TOLERANCE: f64 = 1e-3;
 /// Passes at most.
 pub const MOST_PASSES: usize = 16;
-/// Coordinates that muscles of the thigh move: three of the hip, one of the knee.
-const MOVED: usize = 4;
-/// The one at which sewn muscles are one unit; at the hip each pulls at the pelvis by itself.
+/// The coordinate at which sewn muscles are one unit; at the hip each pulls at the pelvis by itself.
 const KNEE: usize = 3;
-/// Their names.
-const COORDINATES: [&str; MOVED] = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"];
-/// Changes that count alike: of lever arms \[m\], of lengths \[m\], of forces \[N\].
-const ARM: f64 = 0.01;
-const LENGTH: f64 = 0.01;
-const FORCE: f64 = 100.0;
-/// And of shares of the tension.
-const SHARE: f64 = 0.1;
 /// Numbers of a muscle at a step.
-const N: usize = MOVED + 3;
+const N: usize = MuscleCapacity::N;
 /// Tensions below this \[N\] say nothing about the share that comes through the belly.
 const LEAST_TENSION: f64 = 20.0;
 
@@ -142,7 +134,7 @@ impl TwoWay<'_> {
         let (units, rigid) = (sewn(self.plan, self.thigh), self.nominal()?);
         let see = |frame: &Frame, k: usize| {
             let mut seen = actions(self.plan, self.thigh, frame.snapshot(), &twists[k]);
-            let arm = |m: usize| ARM * rigid[N * (k * self.thigh.muscles.len() + m) + 3 + KNEE];
+            let arm = |m: usize| self.capacity_in(&rigid, k, m).lever_arms[KNEE];
             as_units(&mut seen, &units, KNEE, &arm);
             seen
         };
@@ -249,6 +241,15 @@ impl TwoWay<'_> {
         lines.iter().filter_map(number).collect()
     }
 
+    /// Where the capacity of a muscle at a step begins among the numbers of all.
+    fn at(&self, step: usize, muscle: usize) -> usize {
+        N * (step * self.thigh.muscles.len() + muscle)
+    }
+
+    fn capacity_in(&self, x: &DVector<f64>, step: usize, muscle: usize) -> MuscleCapacity {
+        MuscleCapacity::of_scaled(&x.as_slice()[self.at(step, muscle)..][..N])
+    }
+
     /// The frame of a step in the one-way drive.
     fn at_step(&self, k: usize) -> &DriveFrame {
         &self.drive.frames[self.drive.frames.len() - self.steps.len() + k]
@@ -279,20 +280,23 @@ impl TwoWay<'_> {
         drives: &[Vec<f64>],
     ) -> (DVector<f64>, Vec<bool>) {
         let (mut x, mut seen_now) = (before.clone(), vec![false; before.len()]);
-        let mut set = |i: usize, value: f64| (x[i], seen_now[i]) = (value, true);
         for k in 0..self.steps.len() {
             for (m, action) in seen[k].iter().enumerate() {
-                let at = N * (k * self.thigh.muscles.len() + m);
-                set(at + 1, action.tissue / FORCE);
                 let shift = self.shift(m, action.stretch);
                 let tension = self.units[m].force(shift, drives[k][m]);
-                if tension >= LEAST_TENSION {
-                    set(at, shift / LENGTH);
-                    set(at + 2, ((action.force - action.tissue) / tension - 1.0) / SHARE);
-                }
-                for c in 0..MOVED {
-                    if let Some(arm) = action.lever_arms[c] {
-                        set(at + 3 + c, arm / ARM);
+                let pulls = tension >= LEAST_TENSION;
+                let arms: [Option<f64>; MOVED] = std::array::from_fn(|c| action.lever_arms[c]);
+                let now = MuscleCapacity {
+                    shift,
+                    tissue: action.tissue,
+                    through_belly: (action.force - action.tissue) / tension,
+                    lever_arms: arms.map(Option::unwrap_or_default),
+                };
+                let says = [pulls, true, pulls].into_iter().chain(arms.map(|arm| arm.is_some()));
+                let at = self.at(k, m);
+                for (i, (value, says)) in now.scaled().into_iter().zip(says).enumerate() {
+                    if says {
+                        (x[at + i], seen_now[at + i]) = (value, true);
                     }
                 }
             }
@@ -306,19 +310,22 @@ impl TwoWay<'_> {
         for (k, step) in self.steps.iter().enumerate() {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
             for m in 0..self.thigh.muscles.len() {
-                let lines = self.lines(m);
-                if let Some(rigid) = step.muscle(&self.thigh.muscles[m].name) {
-                    let unit = &self.units[m];
-                    x[N * (k * self.thigh.muscles.len() + m)] =
-                        (unit.fibre_length_at(rigid) - unit.fibre_length(0.0)) / LENGTH;
-                }
+                let (lines, unit) = (self.lines(m), &self.units[m]);
                 let f_max = |i: &usize| self.done.model.muscles[*i].f_max;
                 let strength: f64 = lines.iter().map(f_max).sum();
-                for c in 0..MOVED {
+                let arm = |c: usize| {
                     let arm = |i: &usize| f_max(i) * reduced.lever_arms[(c, *i)];
-                    x[N * (k * self.thigh.muscles.len() + m) + 3 + c] =
-                        lines.iter().map(arm).sum::<f64>() / (strength * ARM);
-                }
+                    lines.iter().map(arm).sum::<f64>() / strength
+                };
+                let nominal = MuscleCapacity {
+                    shift: step
+                        .muscle(&self.thigh.muscles[m].name)
+                        .map_or(0.0, |rigid| unit.fibre_length_at(rigid) - unit.fibre_length(0.0)),
+                    tissue: 0.0,
+                    through_belly: 1.0,
+                    lever_arms: std::array::from_fn(arm),
+                };
+                x.rows_mut(self.at(k, m), N).copy_from_slice(&nominal.scaled());
             }
         }
         Ok(x)
@@ -327,26 +334,26 @@ impl TwoWay<'_> {
     /// Force sharing at a step with a capacity.
     fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, StudyError> {
         let model = &self.done.model;
-        let nominal = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
-        let mut problem: SharingProblem =
-            problem(model, &self.done.loads, step.row, &nominal, &SharingSettings::default())
-                .ok_or_else(|| no_loads(step))?;
+        let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
         for m in 0..self.thigh.muscles.len() {
-            let at = N * (k * self.thigh.muscles.len() + m);
+            let of_muscle = self.capacity_in(x, k, m);
+            let bounds = of_muscle.bounds(&self.units[m]);
             let lines = self.lines(m);
             let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
-            let (shift, tissue, share) = (LENGTH * x[at], FORCE * x[at + 1], 1.0 + SHARE * x[at + 2]);
-            let bound = |a: f64| (share * self.units[m].force(shift, a) + tissue).max(0.0);
-            let (least, most) = (bound(0.0), bound(1.0));
             for &i in &lines {
                 let part = model.muscles[i].f_max / strength;
-                problem.lower_f[i] = part * least;
-                problem.upper_f[i] = part * most.max(least + 1.0);
-                for c in 0..MOVED {
-                    problem.R[(c, i)] = ARM * x[at + 3 + c];
-                }
+                capacity.bounds[i] = bounds.map(|bound| part * bound);
+                let arms = of_muscle.lever_arms.into_iter().enumerate();
+                capacity.lever_arms.extend(arms.map(|(coordinate, arm)| LeverArm {
+                    coordinate,
+                    muscle: i,
+                    arm,
+                }));
             }
         }
+        let problem: SharingProblem =
+            problem(model, &self.done.loads, step.row, &capacity, &SharingSettings::default())
+                .ok_or_else(|| no_loads(step))?;
         let mut solver = SharingSolver::new(names(model), SharingSettings::default().options);
         let solved = solver.solve(&problem)?;
         if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
@@ -370,23 +377,16 @@ impl TwoWay<'_> {
     fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, StudyError> {
         let mut frame = self.at_step(k).clone();
         for (m, muscle) in self.thigh.muscles.iter().enumerate() {
-            let at = N * (k * self.thigh.muscles.len() + m);
             let tension: f64 = self.lines(m).iter().map(|&i| f[i]).sum();
-            let (shift, tissue, share) = (LENGTH * x[at], FORCE * x[at + 1], 1.0 + SHARE * x[at + 2]);
             let control = self.control(&muscle.name);
-            frame.load.controls[control] = self.units[m].drive_for(shift, (tension - tissue) / share);
+            frame.load.controls[control] = self.capacity_in(x, k, m).drive(&self.units[m], tension);
         }
         Ok(frame)
     }
 
     /// What a number of the capacity is.
     fn name_of(&self, entry: usize) -> String {
-        let quantity = match entry % N {
-            0 => "length".into(),
-            1 => "tissue".into(),
-            2 => "share".into(),
-            arm => COORDINATES[arm - 3].replace('_', " "),
-        };
+        let quantity = MuscleCapacity::quantity(entry % N);
         let (muscle, step) = (entry / N % self.thigh.muscles.len(), entry / N / self.thigh.muscles.len());
         let (muscle, step) = (&self.thigh.muscles[muscle].name, self.steps[step].name.name());
         format!("{step} {muscle} {quantity}")

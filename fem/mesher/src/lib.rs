@@ -14,6 +14,7 @@ pub mod grid;
 mod lbfgs;
 pub mod limb;
 mod loft;
+pub mod part;
 pub mod scale;
 mod sections;
 mod separate;
@@ -30,6 +31,7 @@ pub use bones::Bone;
 pub use build::{BoneCrossing, Built, GOALS, Goals, MuscleResult, build, loft_volume, mesh_end, sampled};
 pub use draft::draft;
 pub use loft::{Loft, LoftPoint};
+pub use part::MusclePart;
 pub use sections::{CORNERS, MuscleSections, N_OUTLINE, Station};
 
 /// The hexahedra of one muscle: the same mesh of a cross-section in every layer of nodes, from origin to insertion.
@@ -171,13 +173,13 @@ pub fn to_mesh(blocks: &[MuscleBlock]) -> Mesh {
         mesh.points.extend(&block.points);
         let nodes = block.cells().flatten().map(|n| n + shift).collect();
         mesh.blocks.push(CellBlock { name: block.name.clone(), kind: CellKind::Hex8, nodes });
-        for (end, layer) in [("origin", 0), ("insertion", block.n_layers() - 1)] {
+        for (end, layer) in [(MusclePart::Origin, 0), (MusclePart::Insertion, block.n_layers() - 1)] {
             let nodes =
                 unique_nodes((0..block.nodes_per_section as u32).map(|n| block.node(layer, n) + shift));
-            mesh.node_sets.insert(format!("{}/{end}", block.name), nodes);
+            mesh.node_sets.insert(end.of(&block.name), nodes);
         }
         let faces = block.surface().into_iter().map(|face| face.map(|n| n + shift)).collect();
-        mesh.surfaces.insert(format!("{}/surface", block.name), faces);
+        mesh.surfaces.insert(MusclePart::Surface.of(&block.name), faces);
     }
     mesh
 }

@@ -24,4 +24,6 @@ mod weights;
 pub use problem::{Names, SharingError, SharingProblem};
 pub use solve::{Raised, Sharing, SharingOptions, SharingSolver, share_frames};
 pub use verdict::{Blocking, KKT_TOLERANCE, Multipliers, Residuals, residuals};
-pub use weights::{Capacity, MuscleCost, REACTIONS, Reaction, ReactionCost, muscle_weights, reactions};
+pub use weights::{
+    Capacity, LeverArm, MuscleCost, REACTIONS, Reaction, ReactionCost, muscle_weights, reactions,
+};

@@ -1,22 +1,34 @@
 //! What the sharing costs and what bounds it: muscle weights, the table of reactions, strengths.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
-/// What one muscle can do, per unit of activation. An input of every pass; only *nominal* where nothing
-/// but the rigid leg is known.
+/// What the muscles can do in a frame. An input of force sharing; only *nominal* where nothing but the rigid leg is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capacity {
-    /// Force at full activation per muscle \[N\]: upper bound of the tension.
+    /// Force at full activation per muscle \[N\], by which its activation is counted.
     pub force_per_activation: Vec<f64>,
-    /// Lever arms per frame, n_coordinates × n_muscles \[m\], in place of those of the muscle lines;
-    /// `None`: the muscle lines'.
-    pub lever_arms: Option<Vec<DMatrix<f64>>>,
+    /// Least and greatest tension per muscle \[N\].
+    pub bounds: Vec<[f64; 2]>,
+    /// Lever arms in place of those of the muscle lines.
+    pub lever_arms: Vec<LeverArm>,
+}
+
+/// A lever arm in place of that of a muscle line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeverArm {
+    /// Joint coordinate, by its number.
+    pub coordinate: usize,
+    /// Muscle, by its number.
+    pub muscle: usize,
+    /// Moment over tension \[m\].
+    pub arm: f64,
 }
 
 impl Capacity {
-    /// Maximal isometric forces \[N\] and the lever arms of the muscle lines.
+    /// Tensions up to the maximal isometric forces \[N\], and the lever arms of the muscle lines.
     pub fn nominal(f_max: Vec<f64>) -> Capacity {
-        Capacity { force_per_activation: f_max, lever_arms: None }
+        let bounds = f_max.iter().map(|f| [0.0, *f]).collect();
+        Capacity { force_per_activation: f_max, bounds, lever_arms: Vec::new() }
     }
 }
 

@@ -14,13 +14,14 @@ use crate::output::atomic::OutputFolder;
 use crate::output::compare::write_compare;
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
-use crate::report::compare::{CompareReport, Computed};
+use crate::report::compare::CompareReport;
+use coupling::configuration::PerConfiguration;
 use coupling::number::plain;
 use coupling::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
 use coupling::study::compare::{MuscleForce, StressFree};
 use coupling::study::estimate::{Expected, Work};
 use coupling::study::explain::write_calibration;
-use coupling::study::{Prepared, STAGES, Sized, Study};
+use coupling::study::{Comparison, Prepared, STAGES, Sized};
 use coupling::subject::words;
 use coupling::two_way::fixed_point::Scheme;
 use coupling::two_way::{Coupling, MOST_PASSES, Pass, write_missing, write_passes};
@@ -73,7 +74,7 @@ enum ContactChoice {
 
 impl CompareArguments {
     /// The scene with what the command line puts in its place, and which configurations are asked for.
-    fn scene(&self) -> Result<(Scene, [bool; 2]), CommandError> {
+    fn scene(&self) -> Result<(Scene, PerConfiguration<bool>), CommandError> {
         let mut scene = match &self.scene {
             None => Scene::walker(),
             Some(file) => read_scene(file, self.run.data.as_deref())?,
@@ -113,7 +114,7 @@ impl CompareArguments {
                 "--two-way couples the thigh without contact; leave out --contact".into(),
             ));
         }
-        let asked = match self.contact {
+        let [without, with] = match self.contact {
             None => [true, has_contact && self.two_way.is_none()],
             Some(ContactChoice::Without) => [true, false],
             _ if !has_contact => {
@@ -125,7 +126,7 @@ impl CompareArguments {
             Some(ContactChoice::Both) => [true, true],
             Some(ContactChoice::With) => [false, true],
         };
-        Ok((scene, asked))
+        Ok((scene, PerConfiguration { without, with }))
     }
 }
 
@@ -145,7 +146,7 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
         };
         (scheme, usize::from(arguments.passes))
     });
-    if two_way.is_some() && !(scene.deformable && scene.fibres == Fibres::Hill && asked[0]) {
+    if two_way.is_some() && !(scene.deformable && scene.fibres == Fibres::Hill && asked.without) {
         let why = "--two-way needs Hill fibres and the configuration without contact: set `fibres = \"hill\"` and muscles in the scene, and give no --contact with";
         return Err(CommandError::Option(why.into()));
     }
@@ -156,9 +157,9 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
 const TWO_WAY: &str = "two-way";
 
 /// Stages of a run, in their order.
-fn stages(scene: &Scene, asked: [bool; 2], two_way: bool) -> Vec<&'static str> {
+fn stages(scene: &Scene, asked: PerConfiguration<bool>, two_way: bool) -> Vec<&'static str> {
     let fibres = scene.fibres != Fibres::None;
-    let solved = [true, fibres, asked[0], asked[1], two_way].map(|here| here && scene.deformable);
+    let solved = [true, fibres, asked.without, asked.with, two_way].map(|here| here && scene.deformable);
     let names = STAGES.into_iter().skip(1).chain([TWO_WAY]);
     let solved = names.zip(solved).filter_map(|(name, here)| here.then_some(name));
     std::iter::once(STAGES[0]).chain(solved).chain(["write"]).collect()
@@ -168,7 +169,7 @@ fn stages(scene: &Scene, asked: [bool; 2], two_way: bool) -> Vec<&'static str> {
 pub(super) fn carry_out(
     command: &str,
     scene: Scene,
-    asked: [bool; 2],
+    asked: PerConfiguration<bool>,
     arguments: &RunArguments,
     two_way: Option<(Scheme, usize)>,
     quiet: bool,
@@ -195,18 +196,18 @@ pub(super) fn carry_out(
     record.again = again(command, &prepared, asked, two_way);
     let ready = prepared.calibrate(asked, folder, &mut |stage| progress.lap(stage))?;
     let mut out = OutputFolder::begin(claim, arguments.resume)?;
-    let mut study =
+    let mut comparison =
         prepared.solve_ready(ready, folder, arguments.resume, &mut |stage| progress.lap(stage))?;
-    let runs = || study.configurations.iter().flatten().map(|(_, done)| &done.run);
+    let runs = || comparison.solutions.present().map(|(_, done)| &done.run);
     let count = |of: &dyn Fn(&fem::run::Run) -> usize| runs().map(of).sum::<usize>() as u64;
     record.iterations.insert("newton".into(), count(&|run| run.iterations.len()));
     record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
     record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
     let clock = Instant::now();
-    let coupling = two_way.map(|(scheme, most)| prepared.two_way(&study, scheme, most)).transpose()?;
+    let coupling = two_way.map(|(scheme, most)| prepared.two_way(&comparison, scheme, most)).transpose()?;
     let Coupling { passes, last, shortcomings: unsettled } = coupling.unwrap_or_default();
     if !last.is_empty() {
-        prepared.adopt(&mut study, &last, clock.elapsed(), folder)?;
+        prepared.adopt(&mut comparison, &last, clock.elapsed(), folder)?;
     }
     if two_way.is_some() {
         progress.lap(TWO_WAY);
@@ -224,26 +225,20 @@ pub(super) fn carry_out(
             format!("{:.1} mm ({a}, {b})", distance * 1e3),
         ));
     }
-    let notes = notes(&prepared, &study);
+    let notes = notes(&prepared, &comparison);
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
     let seconds = record.seconds.clone();
-    let computed =
-        |c: usize| study.configurations[c].as_ref().map(|(plan, result)| Computed { plan, result });
     let report = CompareReport {
         name: &prepared.scene.name,
         subject: &words(&prepared.done.case.trial),
-        thigh: &study.thigh,
+        comparison: &comparison,
         bones: prepared.made.as_ref().map_or(&[], |m| &m.bones),
         mid_thigh: prepared.mid_thigh(),
-        steps: &study.steps,
-        configurations: [computed(0), computed(1)],
         settings: &settings,
         simulated: &simulated,
         left_out: &left_out,
         notes: &notes,
-        calibration: &study.calibration,
         passes: &passes,
-        one_way: study.one_way.as_ref(),
         unsettled: &unsettled,
         seconds: &seconds,
     };
@@ -253,11 +248,13 @@ pub(super) fn carry_out(
         record.status = RunStatus::NotConverged;
         record.reason = Some(shortcomings.join("; "));
     }
-    out.write("explanation.csv", |w| study.write_explanations(w))?;
-    out.write("calibration.csv", |w| write_calibration(w, &study.thigh, &study.calibration))?;
+    out.write("explanation.csv", |w| comparison.write_explanations(w))?;
+    out.write("calibration.csv", |w| write_calibration(w, &comparison.thigh, &comparison.calibration))?;
     if two_way.is_some() {
-        out.write("passes.csv", |w| write_passes(w, &study.steps, &passes))?;
-        out.write("missing_moments.csv", |w| write_missing(w, &study.thigh, &study.steps, &passes))?;
+        out.write("passes.csv", |w| write_passes(w, &comparison.steps, &passes))?;
+        out.write("missing_moments.csv", |w| {
+            write_missing(w, &comparison.thigh, &comparison.steps, &passes)
+        })?;
     } else {
         ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?;
     }
@@ -280,9 +277,9 @@ pub(super) fn carry_out(
 }
 
 /// What the reader must know: doubts about the trial, warnings about the mesh.
-fn notes(prepared: &Prepared, study: &Study) -> Vec<String> {
+fn notes(prepared: &Prepared, comparison: &Comparison) -> Vec<String> {
     let mut notes = prepared.done.case.doubts.clone();
-    for warning in study.configurations.iter().flatten().flat_map(|(plan, _)| &plan.warnings) {
+    for warning in comparison.solutions.present().flat_map(|(_, done)| &done.plan.warnings) {
         let warning = warning.to_string();
         // Both configurations have the same mesh.
         if !notes.contains(&warning) {
@@ -302,17 +299,22 @@ fn said_of(passes: &[Pass], unsettled: &[String]) -> serde_json::Value {
 }
 
 /// What computes the same again: the scene as it was carried out, and its trial.
-fn again(command: &str, prepared: &Prepared, asked: [bool; 2], two_way: Option<(Scheme, usize)>) -> Again {
+fn again(
+    command: &str,
+    prepared: &Prepared,
+    asked: PerConfiguration<bool>,
+    two_way: Option<(Scheme, usize)>,
+) -> Again {
     let mut again = Again::default();
     let trial = again.trial(&prepared.done.case.texts).map(|path| format!("../{path}"));
     let scene = format!("scene/{}.toml", prepared.scene.name);
     again.files.insert(scene.clone(), prepared.scene.resolved(trial.as_deref()));
     again.arguments = vec![command.into(), scene];
     if command == "compare" {
-        let contact = match asked {
-            [true, true] => "both",
-            [false, _] => "with",
-            [true, false] => "without",
+        let contact = match (asked.without, asked.with) {
+            (true, true) => "both",
+            (false, _) => "with",
+            (true, false) => "without",
         };
         again.arguments.push(format!("--contact={contact}"));
     }
@@ -347,7 +349,7 @@ fn print(
     record: &RunRecord,
     folder: &Path,
 ) -> std::io::Result<()> {
-    let thigh = report.thigh;
+    let thigh = &report.comparison.thigh;
     let elements: usize = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum();
     writeln!(
         w,
@@ -358,7 +360,7 @@ fn print(
         thigh.mesh.points.len()
     )?;
     let differences = report.differences();
-    for (k, step) in report.steps.iter().enumerate() {
+    for (k, step) in report.comparison.steps.iter().enumerate() {
         writeln!(
             w,
             "\n{} ({:.3} s, knee {} degrees)",
@@ -371,11 +373,11 @@ fn print(
             "  {:<28}{:>10}{:>10}{:>14}{:>14}",
             "muscle", "activation", "rigid N", "FE no contact", "FE contact"
         )?;
-        let beside = if report.one_way.is_some() { "  one-way: rigid N   FE N" } else { "" };
+        let beside = if report.comparison.one_way.is_some() { "  one-way: rigid N   FE N" } else { "" };
         writeln!(w, "{beside}")?;
         for row in report.rows(k) {
             let force = |f: Option<MuscleForce>| f.map_or("-".into(), |f| plain(f.total, 1));
-            let [without, with] = row.fe.map(force);
+            let (without, with) = (force(row.fe.without), force(row.fe.with));
             write!(
                 w,
                 "  {:<28}{:>10.3}{:>10}{without:>14}{with:>14}",
@@ -392,7 +394,7 @@ fn print(
             writeln!(
                 w,
                 "  {}: mean difference {} N ({:.1} N of all muscles), largest {} N ({}); muscles share {:.1} cm3",
-                d.configuration,
+                d.configuration.name(),
                 d.mean.map_or("-".into(), |m| plain(m, 1)),
                 d.mean_of_all,
                 plain(d.largest, 1),

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::scenes::{read_scene, scenes};
 use super::{Outcome, tell};
 use crate::error::CommandError;
+use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
 use coupling::study::estimate::{Expected, Stage, Work};
 use coupling::study::{Prepared, Sized};
@@ -34,16 +35,19 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
         None => Scene::walker(),
         Some(file) => read_scene(file, arguments.data.as_deref())?,
     };
-    let asked = [true, scene.contact.is_some()];
+    let asked = PerConfiguration { without: true, with: scene.contact.is_some() };
     let data = arguments.data.as_deref();
     let (scene, thigh, works) = if arguments.exact {
         let prepared = Prepared::new(scene, data, &mut |_| ())?;
         tell(&prepared.done.case.doubts);
-        let work = |c: usize| -> Result<Option<Work>, CommandError> {
+        let work = |c: Configuration| -> Result<Option<Work>, CommandError> {
             let wanted = asked[c] && prepared.made.is_some();
             wanted.then(|| Ok(Work::of_plan(&prepared.plan(&prepared.thigh, c)?))).transpose()
         };
-        let works = [work(0)?, work(1)?];
+        let works = PerConfiguration {
+            without: work(Configuration::WithoutContact)?,
+            with: work(Configuration::WithContact)?,
+        };
         (prepared.scene, prepared.thigh, works)
     } else {
         let sized = Sized::new(scene, data)?;

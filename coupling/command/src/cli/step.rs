@@ -8,6 +8,7 @@ use super::compare::carry_out;
 use super::scenes::{read_scene, scenes};
 use super::{Outcome, RunArguments};
 use crate::error::CommandError;
+use coupling::configuration::PerConfiguration;
 
 #[derive(Args)]
 pub struct StepArguments {
@@ -22,5 +23,5 @@ pub fn run(arguments: &StepArguments, quiet: bool) -> Result<Outcome, CommandErr
     let StepArguments { scene, run } = arguments;
     let scene = read_scene(scene, run.data.as_deref())?;
     let with = scene.contact.is_some();
-    carry_out("step", scene, [!with, with], run, None, quiet)
+    carry_out("step", scene, PerConfiguration { without: !with, with }, run, None, quiet)
 }

@@ -12,7 +12,8 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use coupling::study::{FOLDERS, ONE_WAY_FOLDER};
+use coupling::configuration::Configuration;
+use coupling::study::ONE_WAY_FOLDER;
 
 use super::OutputError;
 
@@ -158,7 +159,11 @@ impl Held {
         remove(&path.join(RUN_FILE))?;
         if !resume {
             self.earlier.iter().try_for_each(|file| remove(&path.join(file)))?;
-            let of_thighs = FOLDERS.into_iter().chain([ONE_WAY_FOLDER]).map(|folder| [folder, FRAMES]);
+            let of_thighs = Configuration::ALL
+                .map(Configuration::folder)
+                .into_iter()
+                .chain([ONE_WAY_FOLDER])
+                .map(|folder| [folder, FRAMES]);
             for [folder, name] in of_thighs.chain([OWN_FRAMES]) {
                 let folder = path.join(folder);
                 fem::output::remove_run(&folder, name)
@@ -197,7 +202,8 @@ impl Held {
         if self.path.join(RUN_FILE).exists() {
             return format!("stopped after the end of the run: {folder} is complete");
         }
-        let kept: Vec<String> = FOLDERS
+        let kept: Vec<String> = Configuration::ALL
+            .map(Configuration::folder)
             .iter()
             .map(|run| (states(&self.path.join(run)), run))
             .filter(|(n, _)| *n > 0)

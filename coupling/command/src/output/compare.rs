@@ -10,8 +10,9 @@ use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
 use crate::report::compare::{CompareReport, OneWayRow, compare_page};
+use coupling::configuration::Configuration;
 use coupling::number::plain;
-use coupling::study::{FOLDERS, ONE_WAY_FOLDER};
+use coupling::study::ONE_WAY_FOLDER;
 
 /// Writes tables, page and, last of all, `run.json` into `out`.
 pub fn write_compare(
@@ -20,10 +21,11 @@ pub fn write_compare(
     mut record: RunRecord,
 ) -> Result<RunRecord, OutputError> {
     out.write("comparison.csv", |w| write_comparison(w, report))?;
-    for (c, name) in ["fe_forces_no_contact", "fe_forces_contact"].into_iter().enumerate() {
+    for c in Configuration::ALL {
+        let name = format!("fe_forces_{}", c.folder());
         let file = format!("{name}.sto");
         match forces(report, |row| row.fe[c].map_or(f64::NAN, |f| f.total)) {
-            series if report.configurations[c].is_some() => out.write(&file, |w| {
+            series if report.comparison.solutions[c].is_some() => out.write(&file, |w| {
                 sto::write(w, &format!("{} {name} ({})", report.name, report.subject), &series, false)
             })?,
             _ => out.remove(&file)?,
@@ -39,7 +41,7 @@ pub fn write_compare(
         ("fe_forces_no_contact_one_way", before(|b| b.fe.map_or(f64::NAN, |f| f.total))),
     ] {
         let file = format!("{name}.sto");
-        match report.one_way {
+        match report.comparison.one_way {
             Some(_) => {
                 let title = format!("{} {name} ({})", report.name, report.subject);
                 out.write(&file, |w| sto::write(w, &title, &series, false))?
@@ -53,7 +55,8 @@ pub fn write_compare(
     record.verdict = serde_json::to_value(report.differences()).ok();
     record.settled = serde_json::to_value(report.settled()).expect("plain data");
     record.files = out.files().to_vec();
-    for folder in FOLDERS.into_iter().chain(report.one_way.map(|_| ONE_WAY_FOLDER)) {
+    let one_way = report.comparison.one_way.as_ref().map(|_| ONE_WAY_FOLDER);
+    for folder in Configuration::ALL.map(Configuration::folder).into_iter().chain(one_way) {
         // What a killed run would have gone on from.
         let path = out.path().join(folder);
         remove_states(&path, "thigh").map_err(|e| OutputError::at("remove the states in", &path, e))?;
@@ -74,13 +77,13 @@ fn names_in(folder: &Path) -> Vec<String> {
 
 /// A force per muscle at the time of each step.
 fn forces(report: &CompareReport, force: impl Fn(&crate::report::compare::Row) -> f64) -> Series {
-    let rows: Vec<_> = (0..report.steps.len()).map(|k| report.rows(k)).collect();
+    let rows: Vec<_> = (0..report.comparison.steps.len()).map(|k| report.rows(k)).collect();
     let column = |(i, muscle): (usize, &coupling::thigh::build::ThighMuscle)| {
         (muscle.name.clone(), rows.iter().map(|r| force(&r[i])).collect())
     };
     Series {
-        time: report.steps.iter().map(|s| s.time).collect(),
-        columns: report.thigh.muscles.iter().enumerate().map(column).collect(),
+        time: report.comparison.steps.iter().map(|s| s.time).collect(),
+        columns: report.comparison.thigh.muscles.iter().enumerate().map(column).collect(),
     }
 }
 
@@ -91,22 +94,22 @@ fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()>
         w,
         "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
          fibre_N,matrix_N,shell_N{}",
-        if report.one_way.is_some() {
+        if report.comparison.one_way.is_some() {
             ",activation_one_way,rigid_one_way_N,fe_no_contact_one_way_N"
         } else {
             ""
         }
     )?;
-    for (k, step) in report.steps.iter().enumerate() {
+    for (k, step) in report.comparison.steps.iter().enumerate() {
         for row in report.rows(k) {
             let number = |v: Option<f64>| v.map_or(String::new(), |v| plain(v, 3));
-            let parts = row.fe[1].or(row.fe[0]);
+            let parts = row.fe.with.or(row.fe.without);
             let columns = [
                 number(Some(row.rigid)),
-                number(row.fe[0].map(|f| f.total)),
-                number(row.fe[1].map(|f| f.total)),
-                number(row.difference(0)),
-                number(row.difference(1)),
+                number(row.fe.without.map(|f| f.total)),
+                number(row.fe.with.map(|f| f.total)),
+                number(row.difference(Configuration::WithoutContact)),
+                number(row.difference(Configuration::WithContact)),
                 number(parts.map(|f| f.fibre)),
                 number(parts.map(|f| f.matrix)),
                 number(parts.map(|f| f.shell)),

@@ -25,7 +25,7 @@ struct Series {
 /// Curves of thermal fibres, or forces found beside forces wanted of Hill fibres.
 pub(super) fn section_of(report: &CompareReport) -> String {
     let title = "Fibre calibration";
-    match report.calibration {
+    match &report.comparison.calibration {
         Calibration::None => String::new(),
         Calibration::Thermal(curves) => {
             let series =
@@ -137,7 +137,7 @@ fn figure(report: &CompareReport, all: &[Series], labels: [&str; 2], diagonal: b
         );
     }
     for s in all {
-        let name = escape(&words(&report.thigh.muscles[s.muscle].name));
+        let name = escape(&words(&report.comparison.thigh.muscles[s.muscle].name));
         let mut d = String::new();
         for (i, p) in s.points.iter().filter(|p| p.iter().all(|v| v.is_finite())).enumerate() {
             let _ = match s.joined {

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use fem::run::Run;
 use fem::solve::Iteration;
 
-use super::{CONFIGURATIONS, CompareReport, frame_label};
+use super::{CompareReport, frame_label};
 use crate::report::anatomy::hue;
 use crate::report::page::{grid, section};
 use crate::report::svg::{Ticks, escape, px, rows};
@@ -20,12 +20,11 @@ const BOTTOM: f64 = HEIGHT - 34.0;
 /// A figure per frame and configuration.
 pub(super) fn section_of(report: &CompareReport) -> String {
     let mut figures = Vec::new();
-    for (c, computed) in report.configurations.iter().enumerate() {
-        let Some(computed) = computed else { continue };
-        let run = &computed.result.run;
+    for (configuration, solution) in report.comparison.solutions.present() {
+        let run = &solution.run;
         let unsolved = run.unsolved.iter().map(|f| (f, false));
         for (step, (frame, solved)) in run.frames.iter().map(|f| (f, true)).chain(unsolved).enumerate() {
-            let title = format!("{}, {}", frame_label(report, frame.time, solved), CONFIGURATIONS[c]);
+            let title = format!("{}, {}", frame_label(report, frame.time, solved), configuration.name());
             figures.extend(figure(report, run, step, &title));
         }
     }
@@ -99,7 +98,7 @@ fn figure(report: &CompareReport, run: &Run, step: usize, title: &str) -> Option
             .enumerate()
             .map(|(i, v)| format!("{}{} {}", if i == 0 { 'M' } else { 'L' }, px(x(i)), px(y(v.log10()))))
             .collect();
-        let muscle = report.thigh.muscles.iter().position(|m| m.name == *name);
+        let muscle = report.comparison.thigh.muscles.iter().position(|m| m.name == *name);
         let colour = muscle
             .filter(|_| alone)
             .map_or(String::new(), |i| format!(" style=\"stroke:hsl({:.0} 55% 50%)\"", hue(i)));

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{CONFIGURATIONS, CompareReport, frame_label};
+use super::{CompareReport, frame_label};
 use crate::report::page::{section, table};
 use crate::report::svg::{escape, fixed, px};
 
@@ -33,12 +33,11 @@ pub(super) fn section_of(report: &CompareReport) -> String {
     let _ = write!(content, "<text x=\"140\" y=\"{}\">wall time, s</text>", px(height + 14.0));
     content.push_str("</svg></figure>\n");
     let mut rows = Vec::new();
-    for (c, computed) in report.configurations.iter().enumerate() {
-        let Some(computed) = computed else { continue };
-        for frame in &computed.result.run.frames {
+    for (configuration, solution) in report.comparison.solutions.present() {
+        for frame in &solution.run.frames {
             let sum = |of: &dyn Fn(&fem::solve::Advance) -> f64| frame.islands.iter().map(of).sum::<f64>();
             rows.push(vec![
-                CONFIGURATIONS[c].into(),
+                configuration.name().into(),
                 frame_label(report, frame.time, true),
                 frame.islands.len().to_string(),
                 fixed(sum(&|a| a.load_steps as f64), 0),
@@ -67,12 +66,10 @@ pub(super) fn section_of(report: &CompareReport) -> String {
     ];
     content.push_str(&table(&header, 2, &rows));
     let unknowns: Vec<String> = report
-        .configurations
-        .iter()
-        .enumerate()
-        .filter_map(|(c, computed)| {
-            Some(format!("{} {}", computed.as_ref()?.plan.n_unknowns(), CONFIGURATIONS[c]))
-        })
+        .comparison
+        .solutions
+        .present()
+        .map(|(configuration, solution)| format!("{} {}", solution.plan.n_unknowns(), configuration.name()))
         .collect();
     section(
         "Cost",

@@ -17,9 +17,14 @@ const BARS: [(&str, &str); 3] = [("ink", "rigid"), ("c2", "FE without contact"),
 
 /// A figure per step.
 pub(super) fn bars(report: &CompareReport) -> String {
-    let all: Vec<Vec<Row>> = (0..report.steps.len()).map(|k| report.rows(k)).collect();
-    let figures: Vec<String> =
-        report.steps.iter().zip(&all).map(|(step, rows)| figure(step_words(step.name), rows)).collect();
+    let all: Vec<Vec<Row>> = (0..report.comparison.steps.len()).map(|k| report.rows(k)).collect();
+    let figures: Vec<String> = report
+        .comparison
+        .steps
+        .iter()
+        .zip(&all)
+        .map(|(step, rows)| figure(step_words(step.name), rows))
+        .collect();
     section(
         "Forces side by side",
         "Muscles from hip to knee as in the tables. Bars to the left of zero push.",
@@ -31,7 +36,8 @@ pub(super) fn bars(report: &CompareReport) -> String {
 fn force(row: &Row, bar: usize) -> Option<f64> {
     match bar {
         0 => Some(row.rigid),
-        c => row.fe[c - 1].map(|f| f.total),
+        1 => row.fe.without.map(|f| f.total),
+        _ => row.fe.with.map(|f| f.total),
     }
 }
 

@@ -13,29 +13,15 @@ mod viewer;
 
 pub use settled::Settled;
 
-use fem::plan::Plan;
 use mesher::Bone;
 use serde::Serialize;
 
 use super::page::{document_with, label_table, section};
-use coupling::fibres::Calibration;
-use coupling::steps::{RigidMuscle, RigidStep, StepName};
-use coupling::study::OneWay;
-use coupling::study::compare::{Configuration, MuscleForce, wanted};
-use coupling::thigh::build::Thigh;
+use coupling::configuration::{Configuration, PerConfiguration};
+use coupling::steps::{RigidMuscle, StepName};
+use coupling::study::Comparison;
+use coupling::study::compare::{MuscleForce, wanted};
 use coupling::two_way::Pass;
-
-/// Names of the configurations, in the order of [`CompareReport::configurations`].
-pub const CONFIGURATIONS: [&str; 2] = ["without contact", "with contact"];
-
-/// A configuration that was computed.
-#[derive(Clone, Copy)]
-pub struct Computed<'a> {
-    /// What was solved.
-    pub plan: &'a Plan,
-    /// And how that went.
-    pub result: &'a Configuration,
-}
 
 /// Everything that the page shows. Borrowed: the page changes nothing.
 #[derive(Clone, Copy)]
@@ -44,16 +30,12 @@ pub struct CompareReport<'a> {
     pub name: &'a str,
     /// Who was recorded.
     pub subject: &'a str,
-    /// Mesh and muscles.
-    pub thigh: &'a Thigh,
+    /// The thigh beside the rigid leg.
+    pub comparison: &'a Comparison,
     /// Bones, where the mesh has them.
     pub bones: &'a [Bone],
     /// Height of the section through the middle of the thigh \[m\].
     pub mid_thigh: f64,
-    /// What the rigid leg says of each step.
-    pub steps: &'a [RigidStep],
-    /// Without and with contact; `None` where not computed.
-    pub configurations: [Option<Computed<'a>>; 2],
     /// Settings as label and value.
     pub settings: &'a [(String, String)],
     /// Effects that were simulated, one sentence each.
@@ -62,12 +44,8 @@ pub struct CompareReport<'a> {
     pub left_out: &'a [(String, String)],
     /// What the reader must know: doubts about the trial, warnings about the mesh.
     pub notes: &'a [String],
-    /// How the fibres were calibrated.
-    pub calibration: &'a Calibration,
     /// Passes of two-way coupling; empty without.
     pub passes: &'a [Pass],
-    /// The one-way result beside a two-way one, of which everything else here is then.
-    pub one_way: Option<&'a OneWay>,
     /// Why the passes are no settled result; empty where they are, or where there are none.
     pub unsettled: &'a [String],
     /// Stage and wall seconds, in the order of the run.
@@ -83,8 +61,8 @@ pub struct Row {
     pub activation: f64,
     /// Force of the rigid leg \[N\].
     pub rigid: f64,
-    /// Section forces without and with contact; `None` where not solved.
-    pub fe: [Option<MuscleForce>; 2],
+    /// Section forces; `None` where not solved.
+    pub fe: PerConfiguration<Option<MuscleForce>>,
     /// The one-way result, where this is a two-way one.
     pub one_way: Option<OneWayRow>,
 }
@@ -102,7 +80,7 @@ pub struct OneWayRow {
 
 impl Row {
     /// Force of the thigh minus that of the rigid leg \[N\].
-    pub fn difference(&self, configuration: usize) -> Option<f64> {
+    pub fn difference(&self, configuration: Configuration) -> Option<f64> {
         Some(self.fe[configuration]?.total - self.rigid)
     }
 }
@@ -115,8 +93,9 @@ pub const CARRIES: f64 = 0.5;
 pub struct Difference {
     /// Which step.
     pub step: StepName,
-    /// `without contact` or `with contact`.
-    pub configuration: &'static str,
+    /// Which configuration.
+    #[serde(serialize_with = "named")]
+    pub configuration: Configuration,
     /// Mean over the muscles that carry force in the rigid leg, as the publication counts; `None` where there are none.
     #[serde(rename = "mean_N")]
     pub mean: Option<f64>,
@@ -136,33 +115,34 @@ pub struct Difference {
 impl CompareReport<'_> {
     /// The comparison at one step.
     pub fn rows(&self, step: usize) -> Vec<Row> {
+        let Comparison { thigh, steps, solutions, one_way, .. } = self.comparison;
         // Fed back, all lines of a muscle have its lever arms and pull along its belly: their tensions simply add up.
-        let tension = |name: &str| self.steps[step].muscle(name).map_or(0.0, RigidMuscle::tension);
-        let rigid: Vec<f64> = match self.one_way {
-            Some(_) => self.thigh.muscles.iter().map(|m| tension(&m.name)).collect(),
-            None => wanted(self.thigh, &self.steps[step]),
+        let tension = |name: &str| steps[step].muscle(name).map_or(0.0, RigidMuscle::tension);
+        let rigid: Vec<f64> = match one_way {
+            Some(_) => thigh.muscles.iter().map(|m| tension(&m.name)).collect(),
+            None => wanted(thigh, &steps[step]),
         };
-        let before = self.one_way.map(|o| (o, wanted(self.thigh, &o.steps[step])));
+        let before = one_way.as_ref().map(|o| (o, wanted(thigh, &o.steps[step])));
         let row = |(i, muscle): (usize, &coupling::thigh::build::ThighMuscle)| Row {
             muscle: muscle.name.clone(),
-            activation: self.steps[step].activation(&muscle.name),
+            activation: steps[step].activation(&muscle.name),
             rigid: rigid[i],
-            fe: self.configurations.map(|c| Some(c?.result.steps.get(step)?.muscles[i])),
+            fe: PerConfiguration::of(|c| Some(solutions[c].as_ref()?.steps.get(step)?.muscles[i])),
             one_way: before.as_ref().map(|(one_way, rigid)| OneWayRow {
                 activation: one_way.steps[step].activation(&muscle.name),
                 rigid: rigid[i],
-                fe: one_way.result.steps.get(step).map(|s| s.muscles[i]),
+                fe: one_way.forces.get(step).map(|s| s.muscles[i]),
             }),
         };
-        self.thigh.muscles.iter().enumerate().map(row).collect()
+        thigh.muscles.iter().enumerate().map(row).collect()
     }
 
     /// Of every step and configuration that was solved.
     pub fn differences(&self) -> Vec<Difference> {
         let mut all = Vec::new();
-        for (k, step) in self.steps.iter().enumerate() {
+        for (k, step) in self.comparison.steps.iter().enumerate() {
             let rows = self.rows(k);
-            for (c, configuration) in CONFIGURATIONS.into_iter().enumerate() {
+            for (c, solution) in self.comparison.solutions.present() {
                 let away: Vec<(f64, &Row)> =
                     rows.iter().filter_map(|r| Some((r.difference(c)?.abs(), r))).collect();
                 let Some(most) = away.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
@@ -170,15 +150,14 @@ impl CompareReport<'_> {
                     let of: Vec<f64> = away.iter().filter(|a| a.1.rigid >= carries).map(|a| a.0).collect();
                     (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
                 };
-                let overlaps = self.configurations[c].map(|c| &c.result.overlaps);
                 all.push(Difference {
                     step: step.name,
-                    configuration,
+                    configuration: c,
                     mean: mean(CARRIES),
                     mean_of_all: mean(f64::NEG_INFINITY).expect("there is a largest"),
                     largest: most.0,
                     largest_muscle: most.1.muscle.clone(),
-                    shared_volume: overlaps.and_then(|o| o.get(k)).map_or(f64::NAN, |v| v * 1e6),
+                    shared_volume: solution.overlaps.get(k).map_or(f64::NAN, |v| v * 1e6),
                 });
             }
         }
@@ -187,29 +166,31 @@ impl CompareReport<'_> {
 
     /// How closely the forces balance in each configuration that has solved frames.
     pub fn settled(&self) -> Vec<Settled> {
-        let of = |(c, computed): (usize, &Option<Computed>)| {
-            Settled::new(CONFIGURATIONS[c], computed.as_ref()?.result)
-        };
-        self.configurations.iter().enumerate().filter_map(of).collect()
+        let of = |(c, solution)| Settled::new(c, solution);
+        self.comparison.solutions.present().filter_map(of).collect()
     }
 
     /// Why the run is not solved; empty where it is.
     pub fn shortcomings(&self) -> Vec<String> {
         let mut reasons: Vec<String> = Vec::new();
-        for (c, computed) in self.configurations.iter().enumerate() {
-            let Some(Computed { result, .. }) = computed else { continue };
-            let which = CONFIGURATIONS[c];
+        let n_steps = self.comparison.steps.len();
+        for (c, result) in self.comparison.solutions.present() {
+            let which = c.name();
             reasons.extend(result.run.errors.iter().map(|e| format!("{which}: {e}")));
-            if result.steps.len() < self.steps.len() && result.run.errors.is_empty() {
-                reasons.push(format!("{which}: {} of {} steps", result.steps.len(), self.steps.len()));
+            if result.steps.len() < n_steps && result.run.errors.is_empty() {
+                reasons.push(format!("{which}: {} of {} steps", result.steps.len(), n_steps));
             }
-            if c == 1 {
+            if c == Configuration::WithContact {
                 reasons.extend(result.intersections.iter().map(|i| format!("{which}: {i} intersect")));
             }
         }
         reasons.extend(self.unsettled.iter().cloned());
         reasons
     }
+}
+
+fn named<S: serde::Serializer>(configuration: &Configuration, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(configuration.name())
 }
 
 /// A step for people.
@@ -222,7 +203,7 @@ pub fn step_words(step: StepName) -> &'static str {
 
 /// Which frame of a run this is, by its pseudo-time: step k stands at 1 + k, the way to the first before it.
 fn frame_label(report: &CompareReport, time: f64, solved: bool) -> String {
-    let steps = || (1..).map(f64::from).zip(report.steps);
+    let steps = || (1..).map(f64::from).zip(&report.comparison.steps);
     let mut label = match steps().find(|(t, _)| *t == time) {
         Some((_, step)) => step_words(step.name).to_lowercase(),
         None => "bones at heel strike, muscles at rest".to_string(),

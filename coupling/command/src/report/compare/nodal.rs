@@ -7,6 +7,7 @@ use fem::measure::contact_tractions;
 use fem::parts::fields;
 use fem::plan::Plan;
 use fem::run::Frame;
+use mesher::MusclePart;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -86,7 +87,9 @@ pub(super) fn nodal_values(plan: &Plan, thigh: &Thigh, frame: &Frame) -> [Vec<f6
     [
         of_cells("von_mises_Pa", 1e-3, &muscle),
         of_cells("pressure_Pa", 1e-3, &muscle),
-        of_cells("stretch", 1.0, &|block| block.strip_suffix("/fibres").is_some_and(muscle)),
+        of_cells("stretch", 1.0, &|block| {
+            thigh.muscles.iter().any(|m| MusclePart::Fibres.of(&m.name) == block)
+        }),
         contact_pressure(plan, thigh, frame),
         overlap_depth(plan, thigh, frame),
     ]
@@ -117,7 +120,7 @@ fn contact_pressure(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<f64> {
         return values;
     }
     for muscle in &thigh.muscles {
-        let surface = format!("{}/surface", muscle.name);
+        let surface = MusclePart::Surface.of(&muscle.name);
         for &n in thigh.mesh.surfaces[&surface].iter().flatten() {
             values[n as usize] = 0.0;
         }
@@ -136,7 +139,7 @@ fn overlap_depth(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<f64> {
         .iter()
         .map(|m| {
             let (surface, nodes) =
-                Surface::from_faces(points, &thigh.mesh.surfaces[&format!("{}/surface", m.name)]);
+                Surface::from_faces(points, &thigh.mesh.surfaces[&MusclePart::Surface.of(&m.name)]);
             (SearchSurface::new(surface), nodes)
         })
         .collect();

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use coupling::study::compare::{Configuration, KeptSides};
+use coupling::configuration::Configuration;
+use coupling::study::compare::{KeptSides, Solution};
 
 /// Where the residual of a configuration is greatest, of all its solved frames and islands.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,12 +31,12 @@ pub struct Settled {
 
 impl Settled {
     /// Of a run; `None` where no frame is solved, or nothing in it can move.
-    pub fn new(configuration: &'static str, result: &Configuration) -> Option<Settled> {
+    pub fn new(configuration: Configuration, result: &Solution) -> Option<Settled> {
         let run = &result.run;
         let islands = || run.frames.iter().flat_map(|frame| &frame.islands);
         let worst = islands().max_by(|a, b| a.residual.total_cmp(&b.residual))?;
         Some(Settled {
-            configuration,
+            configuration: configuration.name(),
             residual: worst.residual,
             wanted: worst.wanted,
             forces: worst.force_scale,

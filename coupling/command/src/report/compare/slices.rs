@@ -1,5 +1,6 @@
 //! Sections through the muscles of the scene: what they do to each other without contact, and with it.
 
+use mesher::MusclePart;
 use std::fmt::Write;
 
 use fem::body::Pose;
@@ -9,10 +10,11 @@ use fem::run::Frame;
 use mesher::Bone;
 use nalgebra::Point3;
 
-use super::{CONFIGURATIONS, CompareReport, Computed, frame_label, words};
+use super::{CompareReport, frame_label, words};
 use crate::report::anatomy::{bone_colour, hue, surface_section};
 use crate::report::page::{grid, section};
 use crate::report::svg::{escape, fixed, px};
+use coupling::configuration::Configuration;
 use coupling::thigh::build::segment_of;
 
 /// Pixels per m.
@@ -63,12 +65,13 @@ pub(super) fn sections(report: &CompareReport) -> String {
 /// the one nearest to the middle of the thigh.
 fn heights(report: &CompareReport) -> Vec<f64> {
     let surfaces: Vec<Surface> = report
+        .comparison
         .thigh
         .muscles
         .iter()
         .filter_map(|m| {
-            let faces = report.thigh.mesh.surfaces.get(&format!("{}/surface", m.name))?;
-            Some(Surface::from_faces(&report.thigh.mesh.points, faces).0)
+            let faces = report.comparison.thigh.mesh.surfaces.get(&MusclePart::Surface.of(&m.name))?;
+            Some(Surface::from_faces(&report.comparison.thigh.mesh.points, faces).0)
         })
         .collect();
     if surfaces.is_empty() {
@@ -114,11 +117,10 @@ fn choose(areas: &[(f64, Vec<f64>)]) -> Vec<f64> {
 /// The figures at one height; `None` where nothing passes it.
 fn figures(report: &CompareReport, y: f64) -> Option<String> {
     let mut slices = Vec::new();
-    for k in 0..report.steps.len() {
-        for (c, computed) in report.configurations.iter().enumerate() {
-            let Some(Computed { plan, result }) = computed else { continue };
-            if let Some(frame) = result.run.frames.iter().find(|f| f.time == 1.0 + k as f64) {
-                slices.push(slice(report, c, plan, frame, y));
+    for k in 0..report.comparison.steps.len() {
+        for (configuration, solution) in report.comparison.solutions.present() {
+            if let Some(frame) = solution.run.frames.iter().find(|f| f.time == 1.0 + k as f64) {
+                slices.push(slice(report, configuration, &solution.plan, frame, y));
             }
         }
     }
@@ -141,9 +143,9 @@ fn flat(surface: &Surface, y: f64) -> Loops {
     loops.into_iter().map(|l| l.into_iter().map(|p| [p.z, p.x]).collect()).collect()
 }
 
-fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame, y: f64) -> Slice {
+fn slice(report: &CompareReport, configuration: Configuration, plan: &Plan, frame: &Frame, y: f64) -> Slice {
     let points = frame.x.as_chunks::<3>().0;
-    let faces = |muscle: &str| &report.thigh.mesh.surfaces[&format!("{muscle}/surface")];
+    let faces = |muscle: &str| &report.comparison.thigh.mesh.surfaces[&MusclePart::Surface.of(muscle)];
     let bone = |bone: &Bone| {
         let segment = segment_of(&bone.name)?;
         let body = plan.bodies.iter().position(|b| b == segment);
@@ -152,8 +154,9 @@ fn slice(report: &CompareReport, c: usize, plan: &Plan, frame: &Frame, y: f64) -
         Some(flat(&Surface { points, triangles: bone.surface.triangles.clone() }, y))
     };
     Slice {
-        title: format!("{}, {}", frame_label(report, frame.time, true), CONFIGURATIONS[c]),
+        title: format!("{}, {}", frame_label(report, frame.time, true), configuration.name()),
         muscles: report
+            .comparison
             .thigh
             .muscles
             .iter()
@@ -204,7 +207,7 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
             "<path class=\"muscle\" style=\"fill:hsl({:.0} 50% 66%)\" d=\"{}\"><title>{}</title></path>",
             hue(i),
             path(loops),
-            escape(&words(&report.thigh.muscles[i].name))
+            escape(&words(&report.comparison.thigh.muscles[i].name))
         );
     }
     let mut hatch = String::new();
@@ -231,7 +234,7 @@ fn figure(report: &CompareReport, slice: &Slice, low: [f64; 2], high: [f64; 2]) 
             "<text class=\"mid label\" x=\"{}\" y=\"{}\">{}</text>",
             px(x),
             px(y + 3.0),
-            escape(&words(&report.thigh.muscles[i].name))
+            escape(&words(&report.comparison.thigh.muscles[i].name))
         );
     }
     out.push_str("</svg></figure>");

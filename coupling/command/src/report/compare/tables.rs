@@ -3,9 +3,10 @@
 use std::fmt::Write;
 
 use super::published::published;
-use super::{CARRIES, CONFIGURATIONS, CompareReport, Computed, Row, step_words, words};
+use super::{CARRIES, CompareReport, Row, step_words, words};
 use crate::report::page::{grid, list, section, table};
 use crate::report::svg::{escape, fixed, significant};
+use coupling::configuration::Configuration;
 use coupling::study::explain::explain;
 
 /// Differences above this are marked and explained \[N\].
@@ -17,9 +18,10 @@ pub(super) fn headline(report: &CompareReport) -> String {
         "<header data-start=\"0\" data-end=\"0\">\n<p class=\"eyebrow\">Sartorius · the deformable thigh beside the rigid leg</p>\n<h1>{}</h1>\n",
         escape(report.name)
     );
-    let mesh = &report.thigh.mesh;
+    let mesh = &report.comparison.thigh.mesh;
     let elements: usize = mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum();
     let steps: Vec<String> = report
+        .comparison
         .steps
         .iter()
         .map(|s| {
@@ -31,7 +33,7 @@ pub(super) fn headline(report: &CompareReport) -> String {
         out,
         "<p class=\"subtitle\">{}; {} muscles, {elements} elements, {} nodes; {}</p>",
         escape(report.subject),
-        report.thigh.muscles.len(),
+        report.comparison.thigh.muscles.len(),
         mesh.points.len(),
         escape(&steps.join("; "))
     );
@@ -59,7 +61,7 @@ pub(super) fn headline(report: &CompareReport) -> String {
             out,
             "<div class=\"tile\"><span>{}, {}</span><b>{} <small>N</small></b><span>mean difference from the rigid leg; largest {} N ({})</span></div>",
             step_words(d.step),
-            d.configuration,
+            d.configuration.name(),
             fixed(d.mean.unwrap_or(f64::NAN), 1),
             fixed(d.largest, 1),
             escape(&words(&d.largest_muscle))
@@ -70,14 +72,14 @@ pub(super) fn headline(report: &CompareReport) -> String {
 }
 
 /// Which configurations were computed.
-fn computed(report: &CompareReport) -> impl Iterator<Item = usize> {
-    (0..2).filter(|c| report.configurations[*c].is_some())
+fn computed(report: &CompareReport) -> impl Iterator<Item = Configuration> {
+    report.comparison.solutions.present().map(|(configuration, _)| configuration)
 }
 
 /// The table of all muscles per step, and the means beside the published ones.
 pub(super) fn comparison(report: &CompareReport) -> String {
     let mut content = String::from("<div class=\"grid tables\">\n");
-    for (k, step) in report.steps.iter().enumerate() {
+    for (k, step) in report.comparison.steps.iter().enumerate() {
         let rows = report.rows(k);
         let _ = write!(
             content,
@@ -85,13 +87,13 @@ pub(super) fn comparison(report: &CompareReport) -> String {
              <th scope=\"col\" class=\"n\">Activation</th><th scope=\"col\" class=\"n\">Rigid, N</th>",
             step_words(step.name)
         );
-        for name in computed(report).map(|c| CONFIGURATIONS[c]) {
+        for name in computed(report).map(Configuration::name) {
             let _ = write!(
                 content,
                 "<th scope=\"col\" class=\"n\">FE {name}, N</th><th scope=\"col\" class=\"n\">difference, N</th>"
             );
         }
-        if report.one_way.is_some() {
+        if report.comparison.one_way.is_some() {
             content.push_str(
                 "<th scope=\"col\" class=\"n one-way\">one-way: rigid, N</th><th scope=\"col\" class=\"n\">one-way: FE, N</th>",
             );
@@ -127,7 +129,7 @@ pub(super) fn comparison(report: &CompareReport) -> String {
     let mut lead = String::from(
         "Force through the belly of each muscle, along its line. The rigid column is the vector sum of the muscle's lines of action. Muscles at rest in the rigid leg are grey; differences of more than 20 N are marked and explained below.",
     );
-    if report.one_way.is_some() {
+    if report.comparison.one_way.is_some() {
         lead.push_str(
             " Two-way: rigid is what force sharing wants of the muscles with the lever arms, lengths and forces of the thigh, the sum of the tensions of a muscle's lines; activation is the isometric one that drives the muscle. The last columns are the forces before anything was fed back.",
         );
@@ -135,7 +137,7 @@ pub(super) fn comparison(report: &CompareReport) -> String {
     section("Muscle forces", &lead, &content)
 }
 
-fn force_cells(row: &Row, configuration: usize) -> String {
+fn force_cells(row: &Row, configuration: Configuration) -> String {
     let Some(force) = row.fe[configuration] else {
         return "<td class=\"n\">–</td><td class=\"n\">–</td>".into();
     };
@@ -160,11 +162,10 @@ fn summary(report: &CompareReport) -> String {
         .differences()
         .iter()
         .map(|d| {
-            let c = CONFIGURATIONS.iter().position(|n| *n == d.configuration).expect("one of both");
-            let [mean, largest] = published(d.step, c);
+            let [mean, largest] = published(d.step, d.configuration);
             vec![
                 step_words(d.step).into(),
-                d.configuration.into(),
+                d.configuration.name().into(),
                 words(&d.largest_muscle),
                 fixed(d.mean.unwrap_or(f64::NAN), 1),
                 fixed(d.mean_of_all, 1),
@@ -193,12 +194,17 @@ fn summary(report: &CompareReport) -> String {
 /// What lies behind differences of more than 20 N.
 pub(super) fn explanations(report: &CompareReport) -> String {
     let mut rows = Vec::new();
-    for (c, computed) in report.configurations.iter().enumerate() {
-        let Some(Computed { plan, result }) = computed else { continue };
-        for (k, step) in report.steps.iter().enumerate() {
-            let frame = result.run.frames.iter().find(|f| f.time == 1.0 + k as f64);
+    for (c, solution) in report.comparison.solutions.present() {
+        for (k, step) in report.comparison.steps.iter().enumerate() {
+            let frame = solution.run.frames.iter().find(|f| f.time == 1.0 + k as f64);
             let Some(frame) = frame else { continue };
-            let why = explain(plan, report.thigh, report.calibration, step, frame);
+            let why = explain(
+                &solution.plan,
+                &report.comparison.thigh,
+                &report.comparison.calibration,
+                step,
+                frame,
+            );
             for (i, row) in report.rows(k).iter().enumerate() {
                 let (Some(force), Some(difference)) = (row.fe[c], row.difference(c)) else { continue };
                 if difference.abs() <= WORTH_EXPLAINING {
@@ -208,7 +214,7 @@ pub(super) fn explanations(report: &CompareReport) -> String {
                 let some = |v: Option<f64>, digits| v.map_or("–".into(), |v| fixed(v, digits));
                 rows.push(vec![
                     step_words(step.name).into(),
-                    CONFIGURATIONS[c].into(),
+                    c.name().into(),
                     words(&row.muscle),
                     fixed(row.rigid, 1),
                     fixed(difference, 1),

@@ -3,6 +3,7 @@
 //! Places are 16-bit steps of a box around all frames, fields 16-bit steps between their extremes over all frames, so that
 //! colours of two configurations compare; 65535 means no value. Arrays are little-endian and base64.
 
+use mesher::MusclePart;
 use std::fmt::Write;
 
 use base64::Engine;
@@ -14,10 +15,11 @@ use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
 use super::nodal::{FIELDS, Scale, nodal_values};
-use super::{CONFIGURATIONS, CompareReport, frame_label};
+use super::{CompareReport, frame_label};
 use crate::report::anatomy::hue;
 use crate::report::page::section;
 use crate::report::svg::escape;
+use coupling::configuration::Configuration;
 use coupling::thigh::build::segment_of;
 
 /// Steps between the extremes; one more means no value.
@@ -36,7 +38,7 @@ const SHOWN: f64 = 0.98;
 
 /// One frame as the viewer shows it.
 struct Shown {
-    configuration: usize,
+    configuration: Configuration,
     label: String,
     solved: bool,
     /// Places of all vertices \[m\].
@@ -47,19 +49,18 @@ struct Shown {
 
 /// The section of the page with the viewer and its data.
 pub(super) fn viewer(report: &CompareReport) -> String {
-    if report.configurations.iter().all(Option::is_none) {
+    if report.comparison.solutions.present().next().is_none() {
         return String::new(); // the rigid leg alone
     }
     let parts = Parts::of(report);
     let mut shown = Vec::new();
-    for (c, computed) in report.configurations.iter().enumerate() {
-        let Some(computed) = computed else { continue };
-        shown.push(parts.at_rest(c, computed.plan));
-        for frame in &computed.result.run.frames {
-            shown.push(parts.frame(report, c, computed.plan, frame, true));
+    for (c, solution) in report.comparison.solutions.present() {
+        shown.push(parts.at_rest(c, &solution.plan));
+        for frame in &solution.run.frames {
+            shown.push(parts.frame(report, c, &solution.plan, frame, true));
         }
-        if let Some(frame) = &computed.result.run.unsolved {
-            shown.push(parts.frame(report, c, computed.plan, frame, false));
+        if let Some(frame) = &solution.run.unsolved {
+            shown.push(parts.frame(report, c, &solution.plan, frame, false));
         }
     }
     let ranges: Vec<[f64; 4]> = (0..FIELDS.len()).map(|f| range(f, &shown)).collect();
@@ -73,7 +74,7 @@ pub(super) fn viewer(report: &CompareReport) -> String {
         "colours": {"rising": RISING, "diverging": DIVERGING, "bone": BONE, "missing": MISSING},
         "fields": fields_head(&ranges),
         "frames": shown.iter().map(|s| json!({
-            "configuration": s.configuration, "label": s.label, "solved": s.solved,
+            "configuration": s.configuration as usize, "label": s.label, "solved": s.solved,
             "has": s.values.iter().map(|v| v.iter().any(|v| v.is_finite())).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
     });
@@ -174,8 +175,8 @@ struct Parts<'a> {
 impl<'a> Parts<'a> {
     fn of(report: &CompareReport<'a>) -> Parts<'a> {
         let mut parts = Parts { list: Vec::new(), nodes: Vec::new(), faces: Vec::new(), bones: Vec::new() };
-        for muscle in &report.thigh.muscles {
-            let faces = &report.thigh.mesh.surfaces[&format!("{}/surface", muscle.name)];
+        for muscle in &report.comparison.thigh.muscles {
+            let faces = &report.comparison.thigh.mesh.surfaces[&MusclePart::Surface.of(&muscle.name)];
             let nodes = fem::mesh::unique_nodes(faces.iter().flatten().copied());
             let local = |n: &u32| nodes.binary_search(n).expect("a node of the surface") as u32;
             let faces: Vec<[u32; 4]> = faces.iter().map(|f| std::array::from_fn(|k| local(&f[k]))).collect();
@@ -204,7 +205,7 @@ impl<'a> Parts<'a> {
     }
 
     fn head(&self, report: &CompareReport) -> Vec<Value> {
-        let muscles = report.thigh.muscles.len();
+        let muscles = report.comparison.thigh.muscles.len();
         let part = |(i, p): (usize, &Part)| {
             json!({
                 "name": p.name.replace('_', " "), "bone": p.segment.is_some(), "hue": (i < muscles).then(|| hue(i)),
@@ -215,7 +216,7 @@ impl<'a> Parts<'a> {
     }
 
     /// The mesh as it was made.
-    fn at_rest(&self, configuration: usize, plan: &Plan) -> Shown {
+    fn at_rest(&self, configuration: Configuration, plan: &Plan) -> Shown {
         let values = std::array::from_fn(|_| vec![f64::NAN; self.nodes.len()]);
         let places = self.places(plan.mesh.points.as_flattened(), &|_| Pose::identity());
         Shown { configuration, label: "mesh, free of stress".into(), solved: true, places, values }
@@ -224,7 +225,7 @@ impl<'a> Parts<'a> {
     fn frame(
         &self,
         report: &CompareReport,
-        configuration: usize,
+        configuration: Configuration,
         plan: &Plan,
         frame: &Frame,
         solved: bool,
@@ -233,7 +234,7 @@ impl<'a> Parts<'a> {
             let body = plan.bodies.iter().position(|b| b == segment);
             body.map_or(Pose::identity(), |b| frame.load.poses[b])
         };
-        let at_nodes = nodal_values(plan, report.thigh, frame);
+        let at_nodes = nodal_values(plan, &report.comparison.thigh, frame);
         let vertices = || self.list.iter().flat_map(|p| p.vertices.clone().map(move |v| (p, v)));
         let values = at_nodes.map(|values| {
             vertices()
@@ -271,12 +272,17 @@ fn controls(report: &CompareReport) -> String {
     out.push_str(
         "<div class=\"choice\"><span>Configuration</span><div class=\"buttons\" id=\"pick-configuration\">",
     );
-    for (c, name) in CONFIGURATIONS.iter().enumerate() {
-        let (why, off) = match report.configurations[c] {
+    for (c, solution) in report.comparison.solutions.iter() {
+        let (why, off) = match solution {
             Some(_) => ("", ""),
             None => (" title=\"not computed in this run\"", " disabled=\"disabled\""),
         };
-        let _ = write!(out, "<button type=\"button\" data-value=\"{c}\"{why}{off}>{}</button>", escape(name));
+        let _ = write!(
+            out,
+            "<button type=\"button\" data-value=\"{}\"{why}{off}>{}</button>",
+            c as usize,
+            escape(c.name())
+        );
     }
     out.push_str(
         "</div></div>\n<div class=\"choice\"><span>Colour</span><div class=\"buttons\" id=\"pick-field\">",
