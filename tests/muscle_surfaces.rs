@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fem::geometry::{SearchSurface, Surface, distance};
+use fem::geometry::{SearchSurface, Surface, closest};
 use fem::mesh::{LengthUnit, unique_nodes};
 use mesher::from_surface::{Anatomy, End, Fit, MuscleEnds, SectionError, Settings, sections_from_surface};
 use mesher::{Loft, MuscleResult, MuscleSections, build};
@@ -398,7 +398,7 @@ fn sections_agree_with_the_published_tables() {
         let off_line = |p: &Vector3<f64>| {
             let off = |w: &[mesher::Station]| {
                 let (a, b) = (w[0].centre, w[1].centre);
-                (a + distance::on_segment(p, &a, &b) * (b - a) - p).norm()
+                (a + closest::along_edge(p, &a, &b) * (b - a) - p).norm()
             };
             muscle.stations.windows(2).map(off).fold(f64::INFINITY, f64::min)
         };

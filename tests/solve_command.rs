@@ -202,6 +202,23 @@ fn what_has_no_solution_says_so_and_keeps_what_was_solved() {
 }
 
 #[test]
+fn a_contact_distance_beyond_the_bodies_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    copied("strap_over_rod", folder.path());
+    let scene = folder.path().join("strap_over_rod.toml");
+    let text = fs::read_to_string(&scene).unwrap();
+    assert!(text.contains("distance = 0.3e-3"));
+    for distance in ["1e308", "0.1"] {
+        let changed = text.replace("distance = 0.3e-3", &format!("distance = {distance}"));
+        fs::write(&scene, changed).unwrap();
+        let output = sartorius(&["check", "strap_over_rod.toml"], folder.path());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains("contact") && said.contains("less than the surfaces"), "{said}");
+    }
+}
+
+#[test]
 fn a_contact_surface_with_a_face_without_area_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     copied("strap_over_rod", folder.path());

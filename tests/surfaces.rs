@@ -1,6 +1,7 @@
 //! Are the answers about triangulated surfaces right: what meets, how close, inside or outside, sound or not?
 
-use fem::geometry::distance::{self, Closest, Part};
+use fem::geometry::closest::Feature;
+use fem::geometry::distance::{self, Closest};
 use fem::geometry::intersect::{Triangle, neighbours_meet, triangles_meet};
 use fem::geometry::overlap::overlap;
 use fem::geometry::{SearchSurface, SignedDistance, Surface, SurfaceError};
@@ -293,13 +294,13 @@ fn closest_points_pass_the_test_of_convex_sets() {
 fn parts_of_a_triangle_are_named() {
     let t = [Vector3::zeros(), Vector3::x(), Vector3::y()];
     for (p, part) in [
-        ([-1.0, -1.0, 0.5], Part::Corner(0)),
-        ([3.0, 0.5, 0.5], Part::Corner(1)),
-        ([0.0, 2.0, -1.0], Part::Corner(2)),
-        ([0.5, -1.0, 0.1], Part::Edge(0)),
-        ([1.0, 1.0, 0.1], Part::Edge(1)),
-        ([-1.0, 0.5, 0.1], Part::Edge(2)),
-        ([0.2, 0.2, 7.0], Part::Face),
+        ([-1.0, -1.0, 0.5], Feature::Vertex(0)),
+        ([3.0, 0.5, 0.5], Feature::Vertex(1)),
+        ([0.0, 2.0, -1.0], Feature::Vertex(2)),
+        ([0.5, -1.0, 0.1], Feature::Edge(0)),
+        ([1.0, 1.0, 0.1], Feature::Edge(1)),
+        ([-1.0, 0.5, 0.1], Feature::Edge(2)),
+        ([0.2, 0.2, 7.0], Feature::Face),
     ] {
         assert_eq!(distance::point_triangle(&Vector3::from(p), &t).1, part);
     }
@@ -388,6 +389,35 @@ fn signed_distance_to_a_box_is_the_formula() {
         inside += usize::from(expected < 0.0);
     }
     assert!(inside > 1_000);
+}
+
+/// parry's triangle meshes share no closest points and no normals with ours.
+#[test]
+fn signed_distance_is_that_of_parry() {
+    use parry3d_f64::math::Vector;
+    use parry3d_f64::query::PointQuery;
+    use parry3d_f64::shape::{TriMesh, TriMeshFlags};
+    let (mut inside, mut worst) = (0, 0.0_f64);
+    for seed in 0..4 {
+        let surface = bumpy([0.3, -0.2, 0.1], 3, seed);
+        let vertices = surface.points.iter().map(|p| Vector::new(p[0], p[1], p[2])).collect();
+        let theirs =
+            TriMesh::with_flags(vertices, surface.triangles.clone(), TriMeshFlags::ORIENTED).unwrap();
+        let search = SearchSurface::new(surface);
+        let ours = SignedDistance::new(&search).unwrap();
+        let mut random = Random::new(seed);
+        for _ in 0..2_000 {
+            let p = Vector3::new(0.3, -0.2, 0.1) + random.vector(0.2);
+            let here = Vector::new(p.x, p.y, p.z);
+            let projected = theirs.project_local_point(here, false);
+            let distance = projected.point.distance(here);
+            let expected = if projected.is_inside { -distance } else { distance };
+            worst = worst.max((ours.at(&p).distance - expected).abs());
+            inside += usize::from(projected.is_inside);
+        }
+    }
+    assert!(inside > 100, "{inside}");
+    assert!(worst < 1e-14, "{worst}");
 }
 
 #[test]

@@ -114,7 +114,10 @@ fn columns(
     };
     for (i, c) in columns.iter().enumerate() {
         if c.as_ref().is_some_and(|c| columns[..i].iter().flatten().any(|o| is(o, c))) {
-            mistakes.push((line, format!("column `{}` gives once more what another gives", &header[i])));
+            mistakes.push((
+                line,
+                format!("column `{}` gives once more what another gives; keep one of them", &header[i]),
+            ));
         }
     }
     if !columns.contains(&Some(Column::Time)) {

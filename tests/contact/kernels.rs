@@ -2,9 +2,9 @@
 
 use fem::contact::barrier::barrier;
 use fem::contact::ccd::{edge_edge_share, point_triangle_share, tenth};
-use fem::contact::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
 use fem::contact::stencil::{Law, Stencil};
 use fem::contact::surface::{SurfaceInput, Surfaces};
+use fem::geometry::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
 use nalgebra::Vector3;
 use support::{Random, taylor_order};
 

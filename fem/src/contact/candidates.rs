@@ -4,7 +4,7 @@
 //! whole Newton step with its line search, and later iterations that move little.
 
 use super::surface::Surfaces;
-use super::tree::{Aabb, Fitted};
+use crate::geometry::tree::{Aabb, Fitted};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 

@@ -5,7 +5,7 @@
 //! left: no root of a cubic, never too far. Li, Kaufman & Jiang, Codimensional incremental potential contact,
 //! ACM Trans. Graph. 40 (2021), §5 (additive CCD).
 
-use super::closest::{Points, edge_edge, point_triangle};
+use crate::geometry::closest::{Points, edge_edge, point_triangle};
 use nalgebra::Vector3;
 
 /// Of a distance a tenth is left at least.

@@ -18,7 +18,6 @@
 pub mod barrier;
 mod candidates;
 pub mod ccd;
-pub mod closest;
 mod measure;
 mod near;
 mod normals;
@@ -29,14 +28,15 @@ mod start;
 pub mod stencil;
 pub mod surface;
 mod term;
-pub(crate) mod tree;
 
 pub use measure::PairForce;
 pub use start::Overlap;
 pub use term::ContactTerm;
 
+use crate::geometry::closest::{
+    Feature, Points, edge_edge, feature, point_edge, point_point, point_triangle,
+};
 use candidates::{Candidates, Partners, Primitives};
-use closest::{Feature, Points, edge_edge, feature, point_edge, point_point, point_triangle};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};

@@ -10,11 +10,11 @@
 //! body is deep, which then still sticks out there.
 
 use super::candidates::Primitives;
-use super::closest::{feature, point_triangle};
 use super::normals::Normals;
 use super::surface::Surface;
-use super::tree::{Aabb, Fitted};
 use super::{Contact, Mode};
+use crate::geometry::closest::{feature, point_triangle};
+use crate::geometry::tree::{Aabb, Fitted};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -240,7 +240,7 @@ impl Search<'_> {
             point_triangle(&contact.triangle_points(point as u32, t, p)).squared()
         };
         let search = |within: f64| {
-            let nearest = self.fitted[other].nearest(&p[point], within, seen.nearest, squared);
+            let nearest = self.fitted[other].nearest(&Aabb::at(&p[point]), within, seen.nearest, squared);
             nearest.map(|n| n.0)
         };
         let see = |t: u32| contact.seen_from(point as u32, s, t, normals, p);
@@ -275,7 +275,8 @@ impl Search<'_> {
             let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
             let within = all.sample_depths[point].min(view);
             if is_far(nearest)
-                && let Some((front, _)) = self.fitted[other].nearest(&p[point], within, None, squared)
+                && let Some((front, _)) =
+                    self.fitted[other].nearest(&Aabb::at(&p[point]), within, None, squared)
             {
                 near = contact.seen_from(point as u32, s, front, normals, p);
                 near.gap = -near.gap.abs();

@@ -1,21 +1,17 @@
 //! Which side of a surface is outside.
 
 use super::Contact;
-use super::closest::{Closest, Feature};
 use super::surface::{Surface, Surfaces};
+use crate::geometry::closest::{Closest, Feature};
+use crate::geometry::normals::PseudoNormals;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Normals of triangles, edges and corners of one surface, by which a point is inside or outside: Bærentzen & Aanæs, Signed
-/// distance computation using the angle weighted pseudonormal, IEEE Trans. Vis. Comput. Graph. 11 (2005).
+/// Normals of one surface.
 pub(super) struct Normals {
     /// First triangle, edge and corner of the surface.
     first: [usize; 3],
-    triangles: Vec<Vector3<f64>>,
-    /// Sum over the triangles and their number; one triangle: the rim of an open surface.
-    edges: Vec<(Vector3<f64>, usize)>,
-    /// Sum over the triangles, weighted by angle, and whether it is on the rim.
-    corners: Vec<(Vector3<f64>, bool)>,
+    pseudo: PseudoNormals,
     /// Sum over the triangles.
     samples: Vec<Vector3<f64>>,
 }
@@ -23,49 +19,35 @@ pub(super) struct Normals {
 impl Normals {
     pub(super) fn new(all: &Surfaces, s: &Surface, p: &[Vector3<f64>]) -> Normals {
         let first = [s.triangles.start, s.edges.start, s.samples.start];
-        let mut triangles = Vec::with_capacity(s.triangles.len());
-        let mut edges = vec![(Vector3::zeros(), 0); s.edges.len()];
-        let mut corners = vec![(Vector3::zeros(), false); s.samples.len()];
+        let ends: Vec<[usize; 2]> =
+            all.edges[s.edges.clone()].iter().map(|e| e.points.map(|c| c as usize - first[2])).collect();
+        let triangles = s.triangles.clone().map(|t| Normals::parts(first, all, t));
+        let pseudo = PseudoNormals::new(triangles, &ends, s.samples.len(), |c| p[c + first[2]]);
         let mut samples = vec![Vector3::zeros(); s.samples.len()];
         for t in s.triangles.clone() {
-            let at = all.triangles[t].map(|c| p[c as usize]);
-            let normal = (at[1] - at[0]).cross(&(at[2] - at[0])).normalize();
-            triangles.push(normal);
+            let normal = pseudo.triangle(t - first[0]);
             all.triangle_samples[t].iter().for_each(|&p| samples[p as usize - first[2]] += normal);
-            for e in all.triangle_edges[t] {
-                let edge = &mut edges[e as usize - first[1]];
-                *edge = (edge.0 + normal, edge.1 + 1);
-            }
-            for c in 0..3 {
-                let (u, v) = (at[(c + 1) % 3] - at[c], at[(c + 2) % 3] - at[c]);
-                corners[all.triangles[t][c] as usize - first[2]].0 += normal * u.angle(&v);
-            }
         }
-        for (e, _) in edges.iter().enumerate().filter(|(_, (_, n))| *n == 1) {
-            all.edges[first[1] + e].points.iter().for_each(|&c| corners[c as usize - first[2]].1 = true);
-        }
-        Normals { first, triangles, edges, corners, samples }
+        Normals { first, pseudo, samples }
     }
 
-    /// Unit normal of a feature of a triangle, and whether it is the rim of an open surface, beyond which no side is inside: there
-    /// the normal is that of the triangle.
+    /// Corners and edges of a triangle, counted from the first of the surface.
+    fn parts(first: [usize; 3], all: &Surfaces, t: usize) -> ([usize; 3], [usize; 3]) {
+        (
+            all.triangles[t].map(|c| c as usize - first[2]),
+            all.triangle_edges[t].map(|e| e as usize - first[1]),
+        )
+    }
+
+    /// See [`PseudoNormals::of`].
     pub(super) fn of(&self, all: &Surfaces, triangle: u32, which: Feature) -> (Vector3<f64>, bool) {
-        let t = triangle as usize;
-        let own = self.triangles[t - self.first[0]];
-        let (normal, rim) = match which {
-            Feature::Face => (own, false),
-            Feature::Edge(e) => {
-                let (sum, n) = self.edges[all.triangle_edges[t][e as usize] as usize - self.first[1]];
-                (sum, n == 1)
-            }
-            Feature::Vertex(v) => self.corners[all.triangles[t][v as usize] as usize - self.first[2]],
-        };
-        (if rim { own } else { normal.normalize() }, rim)
+        let (corners, edges) = Normals::parts(self.first, all, triangle as usize);
+        self.pseudo.of(triangle as usize - self.first[0], corners, edges, which)
     }
 
     /// Unit normal of a triangle.
     pub(super) fn triangle(&self, t: u32) -> Vector3<f64> {
-        self.triangles[t as usize - self.first[0]]
+        self.pseudo.triangle(t as usize - self.first[0])
     }
 
     /// Unit normal of a sample, the mean over its triangles.
@@ -75,8 +57,7 @@ impl Normals {
 
     /// Unit normal of an edge; `None` on a rim.
     pub(super) fn edge(&self, e: u32) -> Option<Vector3<f64>> {
-        let (sum, n) = self.edges[e as usize - self.first[1]];
-        (n > 1).then(|| sum.normalize())
+        self.pseudo.edge(e as usize - self.first[1])
     }
 }
 

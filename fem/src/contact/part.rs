@@ -1,9 +1,9 @@
 //! Surfaces that overlap are moved apart, node by node.
 
 use super::Contact;
-use super::closest::edge_edge;
 use super::near::Near;
 use super::normals::Normals;
+use crate::geometry::closest::edge_edge;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 

@@ -8,8 +8,8 @@
 
 use super::Contact;
 use super::candidates::Primitives;
-use super::closest::{Closest, Points, combine, point_triangle};
 use super::stencil::{Law, Stencil};
+use crate::geometry::closest::{Closest, Points, combine, point_triangle};
 use nalgebra::Vector3;
 
 /// Share of the mean edge by which a sample may lie beside the rim of an open surface.

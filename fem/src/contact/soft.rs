@@ -13,12 +13,12 @@
 //! Whether a body has got through another is looked at afterwards, see [`Sides`](crate::measure::Sides).
 
 use super::candidates::Primitives;
-use super::closest::point_triangle;
 use super::near::Near;
 use super::stencil::{Law, Stencil};
 use super::surface::Surface;
-use super::tree::Aabb;
 use super::{Contact, Mode};
+use crate::geometry::closest::point_triangle;
+use crate::geometry::tree::Aabb;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 

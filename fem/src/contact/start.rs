@@ -1,7 +1,7 @@
 //! Is the start free of overlaps; where not, how deep.
 
 use super::Contact;
-use super::tree::Aabb;
+use crate::geometry::tree::Aabb;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

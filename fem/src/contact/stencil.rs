@@ -7,8 +7,8 @@
 #![allow(non_snake_case)]
 
 use super::barrier::{barrier, softened};
-use super::closest::{Closest, Points, combine};
 use crate::element::psd::lift;
+use crate::geometry::closest::{Closest, Points, combine};
 use nalgebra::{Matrix3, Vector3};
 
 /// Rows of a 12 × 12 matrix over four points.

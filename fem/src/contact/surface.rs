@@ -4,8 +4,8 @@
 //! integrated over each surface with the trapezoidal rule on triangles divided finely enough for the surfaces that it
 //! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
 
-use super::closest::EDGES;
-use super::tree::{Aabb, Fitted, Tree};
+use crate::geometry::closest::EDGES;
+use crate::geometry::tree::{Aabb, Fitted, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -1,10 +1,11 @@
 //! Distances between points, segments and triangles, with the closest points.
 //!
-//! Each result is the distance between two points that do lie on the two shapes (to round-off), the least over all
-//! candidates; so it is never too small, and near-parallel edges cannot spoil it: their ends are candidates as well.
+//! Each result is the distance between two points that do lie on the two shapes (to round-off), so it is never too small by more; and
+//! near-parallel edges cannot spoil it: their ends are candidates as well.
 
 use nalgebra::Vector3;
 
+use super::closest::{EDGES, Feature, along_edge, edge_shares, feature};
 use super::intersect::{Triangle, segment_meets_triangle, triangles_meet};
 
 /// Two closest points.
@@ -16,17 +17,6 @@ pub struct Closest {
     pub on_a: Vector3<f64>,
     /// The point of the second shape \[m\].
     pub on_b: Vector3<f64>,
-}
-
-/// Part of a triangle that a closest point lies on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// Corner 0, 1 or 2.
-    Corner(u8),
-    /// Edge k, from corner k to corner k + 1.
-    Edge(u8),
-    /// The inside.
-    Face,
 }
 
 impl Closest {
@@ -44,63 +34,33 @@ impl Closest {
     }
 }
 
-/// Point of the segment from `a` to `b` that is closest to `p`, as fraction of the segment.
-pub fn on_segment(p: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    let ab = b - a;
-    let fraction = (p - a).dot(&ab) / ab.norm_squared();
-    if fraction > 0.0 { fraction.min(1.0) } else { 0.0 } // also for a segment without length (NaN)
-}
-
 /// From a point to a triangle, and the part of the triangle that is closest.
-///
-/// Regions of the triangle's plane as in C. Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
-pub fn point_triangle(p: &Vector3<f64>, t: &Triangle) -> (Closest, Part) {
-    let mut best = (Closest::new(*p, t[0]), Part::Corner(0));
-    for k in 0..3u8 {
-        let (a, b) = (&t[k as usize], &t[(k as usize + 1) % 3]);
-        let fraction = on_segment(p, a, b);
-        let (x, part) = match fraction {
-            0.0 => (*a, Part::Corner(k)),
-            1.0 => (*b, Part::Corner((k + 1) % 3)),
-            f => (a + f * (b - a), Part::Edge(k)),
-        };
-        let found = Closest::new(*p, x);
-        if found.distance < best.0.distance {
-            best = (found, part);
+pub fn point_triangle(p: &Vector3<f64>, t: &Triangle) -> (Closest, Feature) {
+    let (feature, _) = feature(&[*p, t[0], t[1], t[2]]);
+    let on_triangle = match feature {
+        Feature::Vertex(k) => t[k as usize],
+        Feature::Edge(k) => {
+            let [a, b] = EDGES[k as usize].map(|corner| t[corner]);
+            a + along_edge(p, &a, &b) * (b - a)
         }
-    }
-    // The foot on the plane, where it falls into the triangle.
-    let (u, v) = (t[1] - t[0], t[2] - t[0]);
-    let n = u.cross(&v);
-    let w = p - t[0];
-    let size = n.norm_squared();
-    let (beta, gamma) = (w.cross(&v).dot(&n) / size, u.cross(&w).dot(&n) / size);
-    if beta > 0.0 && gamma > 0.0 && beta + gamma < 1.0 {
-        // Along the normal: near the plane this is more accurate than beta and gamma are.
-        let found = Closest::new(*p, p - w.dot(&n) / size * n);
-        if found.distance < best.0.distance {
-            best = (found, Part::Face);
+        // Along the normal: near the plane this is more accurate than weights of the corners are.
+        Feature::Face => {
+            let n = (t[1] - t[0]).cross(&(t[2] - t[0]));
+            p - (p - t[0]).dot(&n) / n.norm_squared() * n
         }
-    }
-    best
+    };
+    (Closest::new(*p, on_triangle), feature)
 }
 
 /// Between the segments `a` and `b`.
 pub fn segments(a: [&Vector3<f64>; 2], b: [&Vector3<f64>; 2]) -> Closest {
-    let (u, v, w) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
-    let end = |p: &Vector3<f64>, s: [&Vector3<f64>; 2]| s[0] + on_segment(p, s[0], s[1]) * (s[1] - s[0]);
-    let mut best = Closest::new(*a[0], end(a[0], b));
-    best = best.nearer(Closest::new(*a[1], end(a[1], b)));
-    best = best.nearer(Closest::new(end(b[0], a), *b[0]));
-    best = best.nearer(Closest::new(end(b[1], a), *b[1]));
-    // Both inner: the common perpendicular of the two lines.
-    let n = u.cross(&v);
-    let size = n.norm_squared();
-    let (s, t) = (v.cross(&w).dot(&n) / size, u.cross(&w).dot(&n) / size);
-    if s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0 {
-        best = best.nearer(Closest::new(a[0] + s * u, b[0] + t * v));
-    }
-    best
+    let (crossing, ends) = edge_shares(&[*a[0], *a[1], *b[0], *b[1]]);
+    let at = |[p, q]: [&Vector3<f64>; 2], share: f64| p + share * (q - p);
+    let best = Closest::new(*a[0], at(b, ends[0][1]))
+        .nearer(Closest::new(*a[1], at(b, ends[1][1])))
+        .nearer(Closest::new(at(a, ends[2][0]), *b[0]))
+        .nearer(Closest::new(at(a, ends[3][0]), *b[1]));
+    crossing.map_or(best, |[s, t]| best.nearer(Closest::new(at(a, s), at(b, t))))
 }
 
 /// Between two triangles. Exactly zero if and only if they meet by the exact test.

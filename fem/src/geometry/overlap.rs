@@ -5,7 +5,7 @@ use robust::orient2d;
 
 use super::intersect::flat;
 use super::query::SearchSurface;
-use super::tree::Bounds;
+use super::tree::Aabb;
 use super::{Surface, SurfaceError};
 
 /// Volume common to two closed surfaces.
@@ -68,12 +68,11 @@ pub fn overlap(a: &SearchSurface, b: &SearchSurface, spacing: f64) -> Result<Ove
 /// Heights z at which the vertical line through (x, y) enters and leaves the surface, in pairs \[m\].
 fn crossings(search: &SearchSurface, x: f64, y: f64) -> Vec<[f64; 2]> {
     let surface: &Surface = search.surface();
-    let line = Bounds {
-        low: nalgebra::Vector3::new(x, y, f64::NEG_INFINITY),
-        high: nalgebra::Vector3::new(x, y, f64::INFINITY),
-    };
+    let whole = search.fitted.whole();
+    let line =
+        Aabb { lo: nalgebra::Vector3::new(x, y, whole.lo.z), hi: nalgebra::Vector3::new(x, y, whole.hi.z) };
     let mut heights: Vec<f64> = Vec::new();
-    search.tree.visit(&line, 0.0, |t, limit| {
+    search.fitted.overlapping(&line, |t| {
         let corners = surface.corners(t as usize);
         let p = robust::Coord { x, y };
         let [a, b, c] = [&corners[0], &corners[1], &corners[2]].map(|v| flat(v, 2));
@@ -84,7 +83,6 @@ fn crossings(search: &SearchSurface, x: f64, y: f64) -> Vec<[f64; 2]> {
             let [low, high] = [f64::min, f64::max].map(|f| f(f(corners[0].z, corners[1].z), corners[2].z));
             heights.push(z.clamp(low, high)); // a steep triangle's plane is ill defined, its corners are not
         }
-        limit
     });
     heights.sort_unstable_by(f64::total_cmp);
     debug_assert!(heights.len().is_multiple_of(2), "a line crosses a closed surface an even number of times");

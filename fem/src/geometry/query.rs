@@ -7,9 +7,10 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::Surface;
-use super::distance::{self, Closest, Part};
+use super::closest::Feature;
+use super::distance::{self, Closest};
 use super::intersect::{neighbours_meet, triangles_meet};
-use super::tree::{Bounds, Tree};
+use super::tree::{Aabb, Fitted, Tree};
 
 /// Triangles handled one after the other by one thread.
 const CHUNK: usize = 128;
@@ -18,7 +19,8 @@ const CHUNK: usize = 128;
 #[derive(Clone, Debug)]
 pub struct SearchSurface {
     surface: Surface,
-    pub(super) tree: Tree,
+    tree: Tree,
+    pub(super) fitted: Fitted,
 }
 
 /// Two triangles and their closest points.
@@ -35,8 +37,10 @@ pub struct Gap {
 impl SearchSurface {
     /// Builds the tree. Triangles must name points there are ([`Surface::check`]).
     pub fn new(surface: Surface) -> SearchSurface {
-        let tree = Tree::new(&surface);
-        SearchSurface { surface, tree }
+        let boxes: Vec<Aabb> = (0..surface.triangles.len()).map(|t| box_of(&surface, t)).collect();
+        let tree = Tree::new(&boxes);
+        let fitted = tree.fit(|t| boxes[t as usize]);
+        SearchSurface { surface, tree, fitted }
     }
 
     /// The surface.
@@ -50,19 +54,18 @@ impl SearchSurface {
     /// If the number of points differs.
     pub fn set_points(&mut self, points: &[[f64; 3]]) {
         self.surface.points.copy_from_slice(points);
-        self.tree.refit(&self.surface);
+        self.fitted = self.tree.fit(|t| box_of(&self.surface, t as usize));
     }
 
     /// All pairs of triangles of this and another surface at most `d` \[m\] apart, by their numbers.
     pub fn pairs_within(&self, other: &SearchSurface, d: f64) -> Vec<Gap> {
         self.collect(|a, found| {
             let corners = self.surface.corners(a);
-            other.tree.visit(&Bounds::of(&corners), d, |b, limit| {
+            other.fitted.overlapping(&Aabb::around(corners.iter()).grown(d), |b| {
                 let closest = distance::triangles(&corners, &other.surface.corners(b as usize));
                 if closest.distance <= d {
                     found.push(Gap { a: a as u32, b, closest });
                 }
-                limit
             });
         })
     }
@@ -72,15 +75,10 @@ impl SearchSurface {
     pub fn least_gap(&self, other: &SearchSurface) -> Option<Gap> {
         let nearest = |a: usize, limit: f64| {
             let corners = self.surface.corners(a);
-            let mut best: Option<Gap> = None;
-            other.tree.visit(&Bounds::of(&corners), limit, |b, limit| {
-                let closest = distance::triangles(&corners, &other.surface.corners(b as usize));
-                if closest.distance < limit {
-                    best = Some(Gap { a: a as u32, b, closest });
-                }
-                limit.min(closest.distance)
-            });
-            best
+            let gap = |b: u32| distance::triangles(&corners, &other.surface.corners(b as usize));
+            let near = Aabb::around(corners.iter());
+            let (b, distance) = other.fitted.least(&near, f64::sqrt, limit, None, |b| gap(b).distance)?;
+            (distance < limit).then(|| Gap { a: a as u32, b, closest: gap(b) })
         };
         // A few triangles first, for a distance that spares most of the work.
         let n = self.surface.triangles.len();
@@ -106,11 +104,10 @@ impl SearchSurface {
     pub fn intersections(&self, other: &SearchSurface) -> Vec<(u32, u32)> {
         self.collect(|a, found| {
             let corners = self.surface.corners(a);
-            other.tree.visit(&Bounds::of(&corners), 0.0, |b, limit| {
+            other.fitted.overlapping(&Aabb::around(corners.iter()), |b| {
                 if triangles_meet(&corners, &other.surface.corners(b as usize)) {
                     found.push((a as u32, b));
                 }
-                limit
             });
         })
     }
@@ -121,7 +118,7 @@ impl SearchSurface {
         self.collect(|a, found| {
             let corners = self.surface.corners(a);
             let points = self.surface.triangles[a];
-            self.tree.visit(&Bounds::of(&corners), 0.0, |b, limit| {
+            self.fitted.overlapping(&Aabb::around(corners.iter()), |b| {
                 if b as usize > a {
                     let others = self.surface.triangles[b as usize];
                     let shared: Vec<(usize, usize)> =
@@ -130,23 +127,17 @@ impl SearchSurface {
                         found.push((a as u32, b));
                     }
                 }
-                limit
             });
         })
     }
 
-    /// The closest point, its triangle and the part of the triangle it lies on. `None` without triangles.
-    pub fn nearest(&self, point: &Vector3<f64>) -> Option<(Closest, u32, Part)> {
-        let mut best: Option<(Closest, u32, Part)> = None;
-        self.tree.visit(&Bounds::of(&[*point]), f64::INFINITY, |t, limit| {
-            let (closest, part) = distance::point_triangle(point, &self.surface.corners(t as usize));
-            let tie = best.is_some_and(|b| closest.distance == b.0.distance && t < b.1);
-            if closest.distance < limit || tie || best.is_none() {
-                best = Some((closest, t, part));
-            }
-            limit.min(closest.distance)
-        });
-        best
+    /// The closest point, its triangle and the part of the triangle it lies on; of several triangles the first. `None` without triangles.
+    pub fn nearest(&self, point: &Vector3<f64>) -> Option<(Closest, u32, Feature)> {
+        let found = |t: u32| distance::point_triangle(point, &self.surface.corners(t as usize));
+        let distance = |t: u32| found(t).0.distance;
+        let (t, _) = self.fitted.least(&Aabb::at(point), f64::sqrt, f64::INFINITY, None, distance)?;
+        let (closest, part) = found(t);
+        Some((closest, t, part))
     }
 
     /// Runs `each` on every triangle number, in chunks, and puts the findings together in order.
@@ -165,6 +156,10 @@ impl SearchSurface {
             .collect();
         chunks.into_iter().flatten().collect()
     }
+}
+
+fn box_of(surface: &Surface, triangle: usize) -> Aabb {
+    Aabb::around(surface.corners(triangle).iter())
 }
 
 /// What is found for two triangles.

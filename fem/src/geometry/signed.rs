@@ -3,22 +3,16 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::distance::Part;
+use super::normals::PseudoNormals;
 use super::{SearchSurface, SurfaceError};
 
-/// Signed distance to a closed surface: the closest point, and the sign by the normal there, which at a corner is the
-/// mean of the triangle normals weighted by their angles and at an edge the sum of the two.
-///
-/// J. A. Bærentzen, H. Aanæs, IEEE Trans Vis Comput Graph 2005;11:243: with these normals the sign is right everywhere.
+/// Signed distance to a closed surface: the closest point, and the sign by the normal there.
 #[derive(Clone, Debug)]
 pub struct SignedDistance<'a> {
     surface: &'a SearchSurface,
-    /// Unit normal of every triangle.
-    faces: Vec<Vector3<f64>>,
-    /// Sum of the unit normals at the edges of every triangle.
-    edges: Vec<[Vector3<f64>; 3]>,
-    /// Sum of the normals weighted by angle, at every point.
-    points: Vec<Vector3<f64>>,
+    normals: PseudoNormals,
+    /// Edges of the triangles.
+    edges: Vec<[usize; 3]>,
 }
 
 /// Signed distance of a point.
@@ -28,7 +22,7 @@ pub struct Depth {
     pub distance: f64,
     /// The closest point of the surface \[m\].
     pub closest: Vector3<f64>,
-    /// Outward direction at the closest point (not of unit length).
+    /// Unit outward normal at the closest point.
     pub normal: Vector3<f64>,
     /// Triangle of the closest point.
     pub triangle: u32,
@@ -39,31 +33,26 @@ impl<'a> SignedDistance<'a> {
     pub fn new(search: &'a SearchSurface) -> Result<SignedDistance<'a>, SurfaceError> {
         let surface = search.surface();
         surface.check_borders()?;
-        let faces = surface.normals();
-        let neighbours = surface.neighbours()?;
-        let edge =
-            |t: usize, k: usize| faces[t] + neighbours[t][k].map_or(Vector3::zeros(), |u| faces[u as usize]);
-        let edges = (0..faces.len()).map(|t| [0, 1, 2].map(|k| edge(t, k))).collect();
-        let mut points = vec![Vector3::zeros(); surface.points.len()];
-        for (t, numbers) in surface.triangles.iter().enumerate() {
-            let x = surface.corners(t);
-            for k in 0..3 {
-                let (u, v) = (x[(k + 1) % 3] - x[k], x[(k + 2) % 3] - x[k]);
-                points[numbers[k] as usize] += u.angle(&v) * faces[t];
+        let mut edges = vec![[0; 3]; surface.triangles.len()];
+        let mut ends = Vec::new();
+        for edge in surface.edges() {
+            if edge.sides.len() > 2 {
+                return Err(surface.crowded_edge(&edge));
             }
+            edge.sides.iter().for_each(|&(t, k, _)| edges[t as usize][k as usize] = ends.len());
+            ends.push(edge.points.map(|p| p as usize));
         }
-        Ok(SignedDistance { surface: search, faces, edges, points })
+        let triangles = surface.triangles.iter().map(|t| t.map(|c| c as usize)).zip(edges.iter().copied());
+        let place = |c: usize| Vector3::from(surface.points[c]);
+        let normals = PseudoNormals::new(triangles, &ends, surface.points.len(), place);
+        Ok(SignedDistance { surface: search, normals, edges })
     }
 
     /// Signed distance of one point \[m\].
     pub fn at(&self, point: &Vector3<f64>) -> Depth {
         let (closest, triangle, part) = self.surface.nearest(point).expect("a closed surface has triangles");
-        let t = triangle as usize;
-        let normal = match part {
-            Part::Face => self.faces[t],
-            Part::Edge(k) => self.edges[t][k as usize],
-            Part::Corner(k) => self.points[self.surface.surface().triangles[t][k as usize] as usize],
-        };
+        let corners = self.surface.surface().triangles[triangle as usize].map(|c| c as usize);
+        let (normal, _) = self.normals.of(triangle as usize, corners, self.edges[triangle as usize], part);
         let inside = (point - closest.on_b).dot(&normal) < 0.0;
         let distance = if inside { -closest.distance } else { closest.distance };
         Depth { distance, closest: closest.on_b, normal, triangle }

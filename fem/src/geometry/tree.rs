@@ -1,130 +1,190 @@
-//! A tree of boxes over the triangles of a surface.
+//! Axis-aligned boxes, and a tree of them over the primitives of one surface, parry's: built once, refitted as the surface moves.
+//!
+//! The same input gives the same tree, and queries report in the order of the tree, on any number of threads. Here are the
+//! conversions from nalgebra to parry, and what parry leaves open: of primitives that are equally near the lesser is nearest.
 
 use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb as ParryAabb;
+use parry3d_f64::math::Vector as ParryVector;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use std::cell::Cell;
 
-use super::Surface;
-
-/// Triangles of a leaf.
-const LEAF: usize = 4;
-
-/// An axis-parallel box \[m\].
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
-    pub low: Vector3<f64>,
-    pub high: Vector3<f64>,
+/// An axis-aligned box \[m\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Least corner.
+    pub lo: Vector3<f64>,
+    /// Greatest corner.
+    pub hi: Vector3<f64>,
 }
 
-impl Bounds {
-    pub fn of(points: &[Vector3<f64>]) -> Bounds {
-        let mut bounds =
-            Bounds { low: Vector3::repeat(f64::INFINITY), high: Vector3::repeat(f64::NEG_INFINITY) };
-        for p in points {
-            bounds = Bounds { low: bounds.low.inf(p), high: bounds.high.sup(p) };
+impl Aabb {
+    /// The box of nothing.
+    pub fn empty() -> Aabb {
+        Aabb { lo: Vector3::repeat(f64::INFINITY), hi: Vector3::repeat(f64::NEG_INFINITY) }
+    }
+
+    /// The box of a way from `a` to `b`, grown by `by` on all sides.
+    pub fn of_way(a: &Vector3<f64>, b: &Vector3<f64>, by: f64) -> Aabb {
+        Aabb { lo: a.inf(b).add_scalar(-by), hi: a.sup(b).add_scalar(by) }
+    }
+
+    /// The box of one point.
+    pub fn at(p: &Vector3<f64>) -> Aabb {
+        Aabb { lo: *p, hi: *p }
+    }
+
+    /// The box of some of the points at `p`.
+    pub fn of(points: &[u32], p: &[Vector3<f64>]) -> Aabb {
+        points
+            .iter()
+            .fold(Aabb::empty(), |sum, &i| sum.join(&Aabb::of_way(&p[i as usize], &p[i as usize], 0.0)))
+    }
+
+    /// The box of these points.
+    pub fn around<'p>(points: impl Iterator<Item = &'p Vector3<f64>>) -> Aabb {
+        points.fold(Aabb::empty(), |sum, p| sum.join(&Aabb { lo: *p, hi: *p }))
+    }
+
+    /// Greatest distance between points of the two.
+    pub fn farthest(&self, other: &Aabb) -> f64 {
+        (self.hi - other.lo).abs().sup(&(self.lo - other.hi).abs()).norm()
+    }
+
+    /// The box of both.
+    pub fn join(&self, other: &Aabb) -> Aabb {
+        Aabb { lo: self.lo.inf(&other.lo), hi: self.hi.sup(&other.hi) }
+    }
+
+    /// Grown by `by` on all sides.
+    pub fn grown(&self, by: f64) -> Aabb {
+        Aabb { lo: self.lo.add_scalar(-by), hi: self.hi.add_scalar(by) }
+    }
+
+    /// Whether they share a point.
+    pub fn overlaps(&self, other: &Aabb) -> bool {
+        (0..3).all(|i| self.lo[i] <= other.hi[i] && other.lo[i] <= self.hi[i])
+    }
+
+    /// Whether `p` lies inside.
+    pub fn contains(&self, p: &Vector3<f64>) -> bool {
+        (0..3).all(|i| self.lo[i] <= p[i] && p[i] <= self.hi[i])
+    }
+
+    /// Squared distance between the two, zero where they meet.
+    pub fn squared_distance(&self, other: &Aabb) -> f64 {
+        (0..3).map(|i| (self.lo[i] - other.hi[i]).max(other.lo[i] - self.hi[i]).max(0.0).powi(2)).sum()
+    }
+}
+
+fn of_parry(v: ParryVector) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+impl Default for Aabb {
+    fn default() -> Aabb {
+        Aabb::empty()
+    }
+}
+
+impl From<&Aabb> for ParryAabb {
+    fn from(b: &Aabb) -> ParryAabb {
+        let to = |v: &Vector3<f64>| ParryVector::new(v.x, v.y, v.z);
+        ParryAabb { mins: to(&b.lo), maxs: to(&b.hi) }
+    }
+}
+
+impl From<&BvhNode> for Aabb {
+    fn from(node: &BvhNode) -> Aabb {
+        Aabb { lo: of_parry(node.mins()), hi: of_parry(node.maxs()) }
+    }
+}
+
+/// The tree with the boxes of the mesh as read.
+#[derive(Clone, Debug, Default)]
+pub struct Tree {
+    bvh: Bvh,
+}
+
+/// A tree with its boxes at one time.
+#[derive(Clone, Debug, Default)]
+pub struct Fitted {
+    bvh: Bvh,
+    whole: Aabb,
+}
+
+impl Fitted {
+    /// The box of all primitives.
+    pub fn whole(&self) -> &Aabb {
+        &self.whole
+    }
+
+    /// Calls `found` with every primitive whose box `query` overlaps.
+    pub fn overlapping(&self, query: &Aabb, mut found: impl FnMut(u32)) {
+        // Most surfaces are nowhere near.
+        if self.whole.overlaps(query) {
+            self.bvh.intersect_aabb(&ParryAabb::from(query)).for_each(&mut found);
         }
-        bounds
     }
 
-    fn join(&self, other: &Bounds) -> Bounds {
-        Bounds { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
+    /// The primitive nearest to what lies in the box `to`, by `squared_distance`, no farther than `within`; ties go to the lesser primitive.
+    /// The answer does not hang on `guess`, a primitive that is likely to be near.
+    pub fn nearest(
+        &self,
+        to: &Aabb,
+        within: f64,
+        guess: Option<u32>,
+        squared_distance: impl Fn(u32) -> f64,
+    ) -> Option<(u32, f64)> {
+        self.least(to, |squared| squared, within * within, guess, squared_distance)
     }
 
-    /// Distance between the boxes \[m\]; zero where they meet.
-    pub fn distance(&self, other: &Bounds) -> f64 {
-        (self.low - other.high).sup(&(other.low - self.high)).sup(&Vector3::zeros()).norm()
+    /// The primitive of least `cost`, at most `most`, where that is no less than `of_box` makes of the squared distance from its box to the
+    /// box `to`; ties go to the lesser primitive.
+    pub fn least(
+        &self,
+        to: &Aabb,
+        of_box: impl Fn(f64) -> f64,
+        most: f64,
+        guess: Option<u32>,
+        cost: impl Fn(u32) -> f64,
+    ) -> Option<(u32, f64)> {
+        let best = Cell::new((u32::MAX, most));
+        let try_one = |q: u32| {
+            let (d, (known, least)) = (cost(q), best.get());
+            if d < least || (d == least && q < known) {
+                best.set((q, d));
+            }
+            d
+        };
+        guess.map(try_one);
+        // A little less than the distance, so that boxes as far away as the best so far are looked into.
+        let to_box =
+            |node: &BvhNode, _| of_box(Aabb::from(node).squared_distance(to)) * (1.0 - 4.0 * f64::EPSILON);
+        self.bvh.find_best(best.get().1, to_box, |q, _| Some(try_one(q)));
+        Some(best.get()).filter(|(q, _)| *q != u32::MAX)
     }
-}
-
-/// Nodes in the order parent, all of the left branch, all of the right.
-#[derive(Clone, Debug)]
-pub(super) struct Tree {
-    nodes: Vec<Node>,
-    /// Triangles, those of a leaf together.
-    order: Vec<u32>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    bounds: Bounds,
-    /// Of a leaf: first entry in `order`. Of a branch: the right child (the left one follows its parent).
-    at: u32,
-    /// Triangles of a leaf; zero for a branch.
-    count: u32,
 }
 
 impl Tree {
-    /// Halves along the longest side of the box of the centres, down to leaves of four triangles.
-    pub fn new(surface: &Surface) -> Tree {
-        let centre = |t| surface.corners(t).iter().sum::<Vector3<f64>>() / 3.0;
-        let centres: Vec<Vector3<f64>> = (0..surface.triangles.len()).map(centre).collect();
-        let mut tree = Tree { nodes: Vec::new(), order: (0..).take(centres.len()).collect() };
-        let mut order = std::mem::take(&mut tree.order);
-        if !order.is_empty() {
-            tree.split(&mut order, 0, &centres);
-        }
-        tree.order = order;
-        tree.refit(surface);
-        tree
+    /// Tree over primitives with these boxes.
+    pub fn new(boxes: &[Aabb]) -> Tree {
+        let boxes: Vec<ParryAabb> = boxes.iter().map(ParryAabb::from).collect();
+        Tree { bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes) }
     }
 
-    fn split(&mut self, order: &mut [u32], first: usize, centres: &[Vector3<f64>]) {
-        let placeholder = Bounds::of(&[]);
-        let here = self.nodes.len();
-        if order.len() <= LEAF {
-            self.nodes.push(Node { bounds: placeholder, at: first as u32, count: order.len() as u32 });
-            return;
+    /// The tree with other boxes of its primitives.
+    pub fn fit(&self, boxes: impl Fn(u32) -> Aabb) -> Fitted {
+        let mut bvh = self.bvh.clone();
+        for primitive in 0..bvh.leaf_count() {
+            bvh.update_partially_if_present(ParryAabb::from(&boxes(primitive)), primitive, 0.0);
         }
-        let members: Vec<Vector3<f64>> = order.iter().map(|&t| centres[t as usize]).collect();
-        let bounds = Bounds::of(&members);
-        let axis = (bounds.high - bounds.low).imax();
-        let middle = order.len() / 2;
-        order.select_nth_unstable_by(middle, |&a, &b| {
-            centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b))
-        });
-        self.nodes.push(Node { bounds: placeholder, at: 0, count: 0 });
-        let (left, right) = order.split_at_mut(middle);
-        self.split(left, first, centres);
-        self.nodes[here].at = self.nodes.len() as u32;
-        self.split(right, first + middle, centres);
-    }
-
-    /// Fits the boxes to moved points; the triangles must be those of [`Tree::new`].
-    pub fn refit(&mut self, surface: &Surface) {
-        for i in (0..self.nodes.len()).rev() {
-            let Node { at, count, .. } = self.nodes[i];
-            self.nodes[i].bounds = if count == 0 {
-                self.nodes[i + 1].bounds.join(&self.nodes[at as usize].bounds)
-            } else {
-                let members = &self.order[at as usize..(at + count) as usize];
-                let corners: Vec<_> = members.iter().flat_map(|&t| surface.corners(t as usize)).collect();
-                Bounds::of(&corners)
-            };
-        }
-    }
-
-    /// Visits the triangles whose leaf comes as near to the box as `visit` last answered, nearer branches first.
-    ///
-    /// `limit`: distance to begin with \[m\]; `visit` takes a triangle and the limit and returns the limit from then on.
-    pub fn visit(&self, bounds: &Bounds, mut limit: f64, mut visit: impl FnMut(u32, f64) -> f64) {
-        let mut open: Vec<(f64, u32)> = Vec::with_capacity(64);
-        if let Some(root) = self.nodes.first() {
-            open.push((root.bounds.distance(bounds), 0));
-        }
-        while let Some((distance, i)) = open.pop() {
-            if !(distance <= limit) {
-                continue;
-            }
-            let node = &self.nodes[i as usize];
-            if node.count > 0 {
-                for &t in &self.order[node.at as usize..(node.at + node.count) as usize] {
-                    limit = visit(t, limit);
-                }
-                continue;
-            }
-            let child = |i: u32| (self.nodes[i as usize].bounds.distance(bounds), i);
-            let (left, right) = (child(i + 1), child(node.at));
-            let (near, far) = if right.0 < left.0 { (right, left) } else { (left, right) };
-            open.push(far);
-            open.push(near);
-        }
+        bvh.refit_without_opt();
+        let whole = bvh.root_aabb();
+        let whole = match bvh.is_empty() {
+            true => Aabb::empty(),
+            false => Aabb { lo: of_parry(whole.mins), hi: of_parry(whole.maxs) },
+        };
+        Fitted { bvh, whole }
     }
 }

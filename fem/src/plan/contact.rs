@@ -5,6 +5,7 @@ use super::term::check;
 use super::{Motion, SceneError};
 use crate::contact::surface::{SurfaceInput, collision_triangles};
 use crate::contact::{Contact, ContactInput, Mode, Overlap};
+use crate::geometry::tree::Aabb;
 use crate::mesh::quality::gauss_dets;
 use crate::mesh::{Mesh, edge_counts, unique_nodes};
 use crate::scene::{ContactMode, ContactSpec, LawSpec, Scene};
@@ -85,6 +86,18 @@ pub fn contact(
         .iter()
         .map(|name| surface(name, spec, scene, mesh, motion))
         .collect::<Result<_, _>>()?;
+    // From there on everything would touch everything.
+    let places: Vec<Vector3<f64>> =
+        surfaces.iter().flat_map(|s| &s.nodes).map(|&n| mesh.points[n as usize].into()).collect();
+    let whole = Aabb::around(places.iter());
+    let size = (whole.hi - whole.lo).norm();
+    check(
+        user,
+        "distance [m]",
+        spec.distance,
+        spec.distance < size,
+        "less than the surfaces together are long",
+    )?;
     let find = |name: &String| {
         spec.surfaces.iter().position(|s| s == name).ok_or_else(|| SceneError::Unknown {
             user: "contact pair".to_string(),

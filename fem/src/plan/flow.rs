@@ -7,8 +7,8 @@
 #![allow(non_snake_case)]
 
 use super::load::{Load, Motion};
-use crate::contact::tree::{Aabb, Tree};
 use crate::effect::NO_NODE;
+use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
@@ -88,7 +88,7 @@ impl Flow {
                 .iter()
                 .map(|(points, fitted)| {
                     let squared = |i: u32| (points[i as usize] - p).norm_squared();
-                    fitted.nearest(&p, f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
+                    fitted.nearest(&Aabb::at(&p), f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
                 })
                 .collect();
             let least = nearest.iter().fold(f64::MAX, |m, n| m.min(n.1));

@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, Vector3};
 
 use super::harmonic::{area_and_centroid, length};
 use crate::{N_OUTLINE, Station};
-use fem::geometry::distance::on_segment;
+use fem::geometry::closest::along_edge;
 
 /// Points of a resampled line.
 const N: usize = 240;
@@ -67,7 +67,7 @@ impl Ring {
         let first = (u.rem_euclid(1.0) * N as f64) as usize + N - SEARCHED;
         let on = |i: usize| {
             let (a, b) = (self.points[i % N], self.points[(i + 1) % N]);
-            a + on_segment(p, &a, &b) * (b - a)
+            a + along_edge(p, &a, &b) * (b - a)
         };
         let mut best = on(first);
         for i in first + 1..=first + 2 * SEARCHED {

@@ -55,6 +55,31 @@ pub enum Feature {
 /// Corners of the edges of a triangle.
 pub const EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 
+/// Squared sine of the angle at a corner below which a triangle is an edge: its inside is then lost in the round-off of the products that
+/// tell where in it a point lies.
+const SLIVER: f64 = 1e-12;
+
+/// The closest part of a triangle without inside.
+fn nearest_edge(x: &Points) -> (Feature, [f64; 3]) {
+    let on = |e: usize| {
+        let [i, j] = EDGES[e];
+        let t = along_edge(&x[0], &x[i + 1], &x[j + 1]);
+        let (mut at, feature) = (
+            [0.0; 3],
+            match t {
+                0.0 => Feature::Vertex(i as u8),
+                1.0 => Feature::Vertex(j as u8),
+                _ => Feature::Edge(e as u8),
+            },
+        );
+        (at[i], at[j]) = (1.0 - t, t);
+        let c = [1.0, -at[0], -at[1], -at[2]];
+        (combine(&c, x).norm_squared(), (feature, at))
+    };
+    let all = [on(0), on(1), on(2)];
+    all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("three edges").1
+}
+
 /// The part of triangle (x₁, x₂, x₃) closest to x₀, and where: the weights of the three corners.
 pub fn feature(x: &Points) -> (Feature, [f64; 3]) {
     let [p, a, b, c] = *x;
@@ -89,6 +114,9 @@ pub fn feature(x: &Points) -> (Feature, [f64; 3]) {
         return (Feature::Edge(1), [0.0, 1.0 - t, t]);
     }
     let sum = va + vb + vc;
+    if !(sum > SLIVER * ab.norm_squared() * ac.norm_squared()) {
+        return nearest_edge(x);
+    }
     let (v, w) = (vb / sum, vc / sum);
     (Feature::Face, [1.0 - v - w, v, w])
 }
@@ -128,25 +156,35 @@ pub fn along_edge(p: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     if t > 0.0 { t.min(1.0) } else { 0.0 }
 }
 
+/// Shares along the edges (x₀, x₁) and (x₂, x₃) at which they may be closest: at their common perpendicular, where it meets both between
+/// their ends, and from each of the four ends x₀ … x₃. Of parallel edges a closest pair always has an end.
+pub fn edge_shares(x: &Points) -> (Option<[f64; 2]>, [[f64; 2]; 4]) {
+    let (u, v, r) = (x[1] - x[0], x[3] - x[2], x[0] - x[2]);
+    // By cross products: of edges that are nearly parallel less is lost than by products of lengths.
+    let n = u.cross(&v);
+    let sine = n.norm_squared();
+    let (s, t) = (v.cross(&r).dot(&n) / sine, u.cross(&r).dot(&n) / sine);
+    let between = |share: f64| share > 0.0 && share < 1.0;
+    let is_crossing = sine > PARALLEL * u.norm_squared() * v.norm_squared() && between(s) && between(t);
+    let on_b = |end: usize| along_edge(&x[end], &x[2], &x[3]);
+    let on_a = |end: usize| along_edge(&x[end], &x[0], &x[1]);
+    let ends = [[0.0, on_b(0)], [1.0, on_b(1)], [on_a(2), 0.0], [on_a(3), 1.0]];
+    (is_crossing.then_some([s, t]), ends)
+}
+
+/// Squared sine below which edges are parallel: the shares at the perpendicular are then off by more than a percent of the edges.
+const PARALLEL: f64 = 1e-14;
+
 /// Edges (x₀, x₁) and (x₂, x₃).
 pub fn edge_edge(x: &Points) -> Closest {
-    let (u, v, r) = (x[1] - x[0], x[3] - x[2], x[0] - x[2]);
-    let (uu, uv, vv) = (u.norm_squared(), u.dot(&v), v.norm_squared());
-    let sine = uu * vv - uv * uv;
-    let mut best: Option<Closest> = None;
-    // Of parallel edges a closest pair always has an end.
-    if sine > 1e-14 * uu * vv {
-        let (ur, vr) = (u.dot(&r), v.dot(&r));
-        let (s, t) = ((uv * vr - vv * ur) / sine, (uu * vr - uv * ur) / sine);
-        if s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0 {
-            let free = [[-1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]];
-            best = Some(Closest::new([1.0 - s, s, t - 1.0, -t], &free, x));
-        }
-    }
-    for end in 0..4 {
+    let (crossing, ends) = edge_shares(x);
+    let mut best = crossing.map(|[s, t]| {
+        let free = [[-1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]];
+        Closest::new([1.0 - s, s, t - 1.0, -t], &free, x)
+    });
+    for (end, shares) in ends.into_iter().enumerate() {
         let (i, j) = if end < 2 { (2, 3) } else { (0, 1) };
-        let sign = if end < 2 { 1.0 } else { -1.0 };
-        let t = along_edge(&x[end], &x[i], &x[j]);
+        let (sign, t) = if end < 2 { (1.0, shares[1]) } else { (-1.0, shares[0]) };
         let (mut c, mut dc) = ([0.0; 4], [0.0; 4]);
         (c[end], c[i], c[j]) = (sign, sign * (t - 1.0), -sign * t);
         (dc[i], dc[j]) = (sign, -sign);
