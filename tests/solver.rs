@@ -606,9 +606,9 @@ fn an_equilibrium_that_stays_unstable_is_not_solved() {
 /// A lattice whose energy jumps while it is softened, right beyond where it starts; what touches cuts steps in half.
 struct Ledge {
     lattice: Lattice,
-    floor: f64,
+    softness: f64,
     /// Where softening began, one after the other, and how often overlaps were parted.
-    floors: Vec<f64>,
+    schedule: Vec<f64>,
     parted: AtomicUsize,
 }
 
@@ -624,12 +624,12 @@ impl Potential for Ledge {
     }
 
     fn energy(&self, x: &[f64]) -> f64 {
-        let jump = if self.floor > 0.0 && x[2] > 1.0 + Ledge::AT { Ledge::JUMP } else { 0.0 };
+        let jump = if self.softness > 0.0 && x[2] > 1.0 + Ledge::AT { Ledge::JUMP } else { 0.0 };
         self.lattice.energy(x) + jump
     }
 
     fn energy_jumps(&self) -> bool {
-        self.floor > 0.0
+        self.softness > 0.0
     }
 
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
@@ -655,7 +655,7 @@ impl Admissible for Ledge {
         x.iter().chain(prescribed).copied().collect()
     }
 
-    fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
+    fn collision_free_step(&self, from: &[f64], x: &[f64]) -> f64 {
         let way = from.iter().zip(self.touching(x)).map(|(from, to)| (from - to).abs()).fold(0.0, f64::max);
         if way > 0.05 { 0.5 } else { 1.0 }
     }
@@ -670,15 +670,15 @@ impl Loading for Ledge {
         1
     }
 
-    fn soften(&mut self, floor: f64) -> bool {
-        if floor > 0.0 {
-            self.floors.push(floor);
+    fn soften(&mut self, softness: f64) -> bool {
+        if softness > 0.0 {
+            self.schedule.push(softness);
         }
-        self.floor = floor;
+        self.softness = softness;
         true
     }
 
-    fn part(&self, _x: &mut [f64], _floor: f64) -> bool {
+    fn untangle(&self, _x: &mut [f64], _softness: f64) -> bool {
         self.parted.fetch_add(1, Ordering::Relaxed);
         true
     }
@@ -689,12 +689,12 @@ impl Loading for Ledge {
 fn softened_energy_that_jumps_is_passed() {
     let pull = |p: &[f64; 3]| [0.0, 0.0, 0.25 * p[2]];
     let lattice = Lattice::new([3, 3, 3], |p| p[2] == 0.0 || p[2] == 2.0, |_| false, pull);
-    let mut ledge = Ledge { lattice, floor: 0.0, floors: Vec::new(), parted: AtomicUsize::new(0) };
+    let mut ledge = Ledge { lattice, softness: 0.0, schedule: Vec::new(), parted: AtomicUsize::new(0) };
     let mut x = ledge.lattice.start();
     let mut log = Vec::new();
     let advance = Solver::new("ledge", Settings::default()).advance(&mut ledge, &mut x, 0, &mut log).unwrap();
     assert!(residual(&ledge.lattice, &x) <= 1e-6 * ledge.lattice.force_scale(&x));
     assert_eq!((advance.load_steps, advance.retries), (1, 0), "{log:?}");
-    assert_eq!(ledge.parted.into_inner(), 1, "softened below {:?}: {log:?}", ledge.floors);
+    assert_eq!(ledge.parted.into_inner(), 1, "softened below {:?}: {log:?}", ledge.schedule);
     assert!(log[0].energy > Ledge::JUMP && log[0].step_length == 0.5, "{:?}", log[0]);
 }

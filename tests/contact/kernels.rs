@@ -1,7 +1,7 @@
 //! Distances, barrier and continuous collision detection against brute force and Taylor expansions.
 
 use fem::contact::barrier::barrier;
-use fem::contact::ccd::{edge_edge_share, point_triangle_share, tenth};
+use fem::contact::ccd::{edge_edge_step, point_triangle_step, tenth};
 use fem::contact::stencil::{Law, Stencil};
 use fem::contact::surface::{SurfaceInput, Surfaces};
 use fem::geometry::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
@@ -128,7 +128,7 @@ fn hessians_are_lifted_on_the_directions_that_they_are_made_of() {
             let d = closest.squared().sqrt();
             let law = match sample % 3 {
                 0 => Law::Barrier(1.5 * d),
-                1 => Law::Soft { reach: 1.5 * d, floor: 0.2, side: -1.0 },
+                1 => Law::Soft { reach: 1.5 * d, softness: 0.2, side: -1.0 },
                 _ => Law::Spring,
             };
             // Features that are counted once too often have a negative scale.
@@ -231,9 +231,9 @@ fn no_pair_passes_through_within_the_share_it_may_go() {
             let to: Points = std::array::from_fn(|i| from[i] + random.vector(size));
             let distance = |x: &Points| if edges { edge_edge(x) } else { point_triangle(x) }.squared().sqrt();
             let share = if edges {
-                edge_edge_share(&from, &to, tenth)
+                edge_edge_step(&from, &to, tenth)
             } else {
-                point_triangle_share(&from, &to, tenth)
+                point_triangle_step(&from, &to, tenth)
             };
             assert!((0.0..=1.0).contains(&share));
             let at = |t: f64| -> Points { std::array::from_fn(|i| from[i] + (to[i] - from[i]) * t) };
@@ -246,7 +246,7 @@ fn no_pair_passes_through_within_the_share_it_may_go() {
     assert!(limited > 100, "{limited} pairs would have come too close");
     // Straight through the middle: stops before, at nearly the full way.
     let through = |z: f64| -> Points { [V::new(0.3, 0.3, z), V::zeros(), V::x(), V::y()] };
-    let share = point_triangle_share(&through(1.0), &through(-1.0), tenth);
+    let share = point_triangle_step(&through(1.0), &through(-1.0), tenth);
     assert!((0.44..0.5).contains(&share), "{share}");
 }
 

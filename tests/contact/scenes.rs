@@ -32,8 +32,13 @@ fn the_contact_potential_of_two_surfaces_has_exact_derivatives() {
 /// The same of softened contact, with samples of each block inside the other: corners, and all of them.
 #[test]
 fn softened_contact_has_exact_derivatives_in_penetrations() {
-    for floor in SAMPLED_DIFFERENTLY {
-        contact_has_exact_derivatives(ContactMode::Guarded, &["lower_block", "upper_block"], 5.5e-3, floor);
+    for softness in SAMPLED_DIFFERENTLY {
+        contact_has_exact_derivatives(
+            ContactMode::Guarded,
+            &["lower_block", "upper_block"],
+            5.5e-3,
+            softness,
+        );
     }
 }
 
@@ -111,12 +116,12 @@ fn softened_contact_finds_what_comes_back_from_deep_inside() {
         }
         x
     };
-    for floor in SAMPLED_DIFFERENTLY {
+    for softness in SAMPLED_DIFFERENTLY {
         // Energies where the upper block is lowered by one way after the other.
         let energies = |ways: &[f64]| -> Vec<f64> {
             let plan = plan(&scene, &mesh);
             let contact = contact_of(&plan);
-            ways.iter().map(|&by| contact.energy(&lowered(&plan, by), floor)).collect()
+            ways.iter().map(|&by| contact.energy(&lowered(&plan, by), softness)).collect()
         };
         let there = energies(&[3.5e-3])[0];
         let and_back = energies(&[5.7e-3, 3.5e-3])[1];
@@ -139,9 +144,13 @@ fn what_was_found_before_changes_nothing() {
         for n in first..mesh.points.len() {
             (0..3).for_each(|c| x[3 * n + c] += way[c] + 2e-4 * random.uniform());
         }
-        let floor = SAMPLED_DIFFERENTLY[usize::from(round % 8 > 2)];
-        let fresh = contact_of(&plan(&scene, &mesh)).energy(&x, floor);
-        assert_eq!(contact_of(&remembers).energy(&x, floor), fresh, "round {round}, floor {floor}, {way:?}");
+        let softness = SAMPLED_DIFFERENTLY[usize::from(round % 8 > 2)];
+        let fresh = contact_of(&plan(&scene, &mesh)).energy(&x, softness);
+        assert_eq!(
+            contact_of(&remembers).energy(&x, softness),
+            fresh,
+            "round {round}, softness {softness}, {way:?}"
+        );
         touching += usize::from(fresh > 0.0);
         // Mostly small steps up and down, at times a long one.
         let step = if round % 7 == 6 { 8e-3 } else { 8e-4 };
@@ -188,7 +197,7 @@ fn every_sample_inside_a_block_is_found() {
 }
 
 /// Two blocks 4.5 mm apart, one moved by `closer` \[m\] towards the other, and at random.
-fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f64, floor: f64) {
+fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f64, softness: f64) {
     let mut random = Random::new(2);
     let spec = ContactSpec { mode, distance: 4e-3, ..ContactSpec::new(surfaces) };
     let (scene, mut mesh) = two_blocks([[2, 2, 1], [3, 3, 1]], 4.5e-3, spec);
@@ -210,16 +219,17 @@ fn contact_has_exact_derivatives(mode: ContactMode, surfaces: &[&str], closer: f
         let at = |h: f64| -> Vec<f64> { x.iter().zip(&direction).map(|(x, d)| x + h * d).collect() };
         let gradient = |x: &[f64]| {
             let mut g = vec![0.0; n];
-            contact.add_gradient(x, floor, &mut g);
+            contact.add_gradient(x, softness, &mut g);
             g
         };
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        assert!(contact.energy(&x, floor) > 0.0, "the surfaces are within reach");
-        assert!(floor > 0.0 || contact.energy(&x, floor).is_finite());
+        assert!(contact.energy(&x, softness) > 0.0, "the surfaces are within reach");
+        assert!(softness > 0.0 || contact.energy(&x, softness).is_finite());
         let h = 1e-7;
-        worst = worst.min(taylor_order(|h| contact.energy(&at(h), floor), dot(&gradient(&x), &direction), h));
+        worst =
+            worst.min(taylor_order(|h| contact.energy(&at(h), softness), dot(&gradient(&x), &direction), h));
         let mut product = vec![0.0; n];
-        for ([i, j], block) in contact.hessian(&x, floor, 0.0) {
+        for ([i, j], block) in contact.hessian(&x, softness, 0.0) {
             for e in 0..9 {
                 product[3 * i as usize + e / 3] += block[e] * direction[3 * j as usize + e % 3];
             }
@@ -256,23 +266,23 @@ fn softened_contact_finds_the_way_back_through_thin_bodies() {
     let plan = plan(&scene, &mesh);
     let contact = contact_of(&plan);
     let first = 13 * 13 * 2; // of the block
-    let upward = |bottom: f64, floor: f64| -> f64 {
+    let upward = |bottom: f64, softness: f64| -> f64 {
         let mut x = plan.reference();
         x.iter_mut().skip(3 * first + 2).step_by(3).for_each(|z| *z += bottom - 0.003);
         let mut g = vec![0.0; x.len()];
-        contact.add_gradient(&x, floor, &mut g);
+        contact.add_gradient(&x, softness, &mut g);
         -g.iter().skip(3 * first + 2).step_by(3).sum::<f64>()
     };
     let ascending = |f: &[f64]| f.windows(2).all(|f| f[1] > f[0]);
-    for floor in SAMPLED_DIFFERENTLY {
-        let into_plate = [1.7e-3, 1.4e-3, 0.8e-3, 0.5e-3, 0.2e-3].map(|bottom| upward(bottom, floor));
+    for softness in SAMPLED_DIFFERENTLY {
+        let into_plate = [1.7e-3, 1.4e-3, 0.8e-3, 0.5e-3, 0.2e-3].map(|bottom| upward(bottom, softness));
         println!("the block's bottom inside the plate: {into_plate:?} N");
         assert!(into_plate[0] > 0.0 && ascending(&into_plate), "{into_plate:?}");
         // The top of the block 1 to 2.5 mm above the plate, which is inside.
-        let around_plate = [1.0e-3, 1.5e-3, 2.5e-3].map(|above| -upward(0.002 + above - 0.012, floor));
+        let around_plate = [1.0e-3, 1.5e-3, 2.5e-3].map(|above| -upward(0.002 + above - 0.012, softness));
         println!("the plate inside the block: {around_plate:?} N");
         // Corners alone are too few for more than the direction: some come out at the sides.
-        let all_samples = floor == SAMPLED_DIFFERENTLY[1];
+        let all_samples = softness == SAMPLED_DIFFERENTLY[1];
         let as_wanted =
             if all_samples { ascending(&around_plate) } else { around_plate.iter().all(|f| *f > 0.0) };
         assert!(around_plate[0] > 0.0 && as_wanted, "{around_plate:?}");

@@ -5,12 +5,12 @@
 //! Li et al., Incremental potential contact, ACM Trans. Graph. 39 (2020), eq. 6, here of the distance and per area as in
 //! Li, Kaufman & Jiang, Convergent incremental potential contact (2023), arXiv:2307.15908.
 
-/// B, B′ and B″ at s = d/d̂ where s ≥ `floor`, which is above zero; below it their parabola from there, for penetrations (s < 0) too.
-pub fn softened(s: f64, floor: f64) -> [f64; 3] {
-    if s >= floor {
+/// B, B′ and B″ at s = d/d̂ where s ≥ `softness`, which is above zero; below it their parabola from there, for penetrations (s < 0) too.
+pub fn softened(s: f64, softness: f64) -> [f64; 3] {
+    if s >= softness {
         return barrier(s);
     }
-    let ([b, b1, b2], ahead) = (barrier(floor), s - floor);
+    let ([b, b1, b2], ahead) = (barrier(softness), s - softness);
     [b + ahead * (b1 + 0.5 * ahead * b2), b1 + ahead * b2, b2]
 }
 

@@ -19,13 +19,13 @@ const MAX_ROUNDS: usize = 1000;
 
 /// Greatest share 0..=1 of the way `to` − `from` that point 0 and triangle (1, 2, 3) may go, so that a distance of `kept(first)` is left
 /// of the first one, which is less.
-pub fn point_triangle_share(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
+pub fn point_triangle_step(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| point_triangle(x).squared().sqrt();
     share(from, to, kept, distance, |step| step[0].norm() + largest(step[1..].iter().copied()))
 }
 
 /// The same of edges (0, 1) and (2, 3).
-pub fn edge_edge_share(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
+pub fn edge_edge_step(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| edge_edge(x).squared().sqrt();
     share(from, to, kept, distance, |step| {
         largest(step[..2].iter().copied()) + largest(step[2..].iter().copied())

@@ -21,13 +21,13 @@ pub mod ccd;
 mod measure;
 mod near;
 mod normals;
-mod part;
 mod penalty;
 mod soft;
 mod start;
 pub mod stencil;
 pub mod surface;
 mod term;
+mod untangle;
 
 pub use measure::PairForce;
 pub use start::Overlap;
@@ -102,7 +102,7 @@ struct Terms {
     /// Positions of the local nodes \[m\].
     x: Vec<f64>,
     /// Share of the activation distance below which the barriers are softened; 0: nowhere.
-    floor: f64,
+    softness: f64,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
     stencils: Vec<Stencil>,
@@ -208,19 +208,19 @@ impl Contact {
     }
 
     /// Terms of the potential at positions `x` \[m\] of the local nodes.
-    fn terms(&self, x: &[f64], floor: f64) -> Arc<Terms> {
+    fn terms(&self, x: &[f64], softness: f64) -> Arc<Terms> {
         let held = || self.last.lock().expect("no thread panics while it holds the terms");
         let last = held().clone();
-        if last.x == x && last.floor == floor {
+        if last.x == x && last.softness == softness {
             return last;
         }
         let p = self.surfaces.positions(x);
         let stencils = match self.mode {
-            Mode::Guarded if floor > 0.0 => self.soft_barriers(&p, floor),
+            Mode::Guarded if softness > 0.0 => self.soft_barriers(&p, softness),
             Mode::Guarded => self.barriers(&p),
             Mode::Cheap => self.springs(&p),
         };
-        let terms = Arc::new(Terms { x: x.to_vec(), floor, p, stencils });
+        let terms = Arc::new(Terms { x: x.to_vec(), softness, p, stencils });
         *held() = terms.clone();
         terms
     }
@@ -341,9 +341,9 @@ impl Contact {
         all.list[all.surface(p)].stiffness.min(all.list[all.surface(q)].stiffness)
     }
 
-    /// Π \[J\]. With `floor` above zero the softened one of the guarded mode, see `soft.rs`.
-    pub fn energy(&self, x: &[f64], floor: f64) -> f64 {
-        let terms = self.terms(x, floor);
+    /// Π \[J\]. With `softness` above zero the softened one of the guarded mode, see `soft.rs`.
+    pub fn energy(&self, x: &[f64], softness: f64) -> f64 {
+        let terms = self.terms(x, softness);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let energies: Vec<f64> = stencils
             .par_iter()
@@ -354,8 +354,8 @@ impl Contact {
     }
 
     /// Adds ∂Π/∂x \[N\] over the local nodes.
-    pub fn add_gradient(&self, x: &[f64], floor: f64, g: &mut [f64]) {
-        let terms = self.terms(x, floor);
+    pub fn add_gradient(&self, x: &[f64], softness: f64, g: &mut [f64]) {
+        let terms = self.terms(x, softness);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let forces: Vec<[Vector3<f64>; 4]> = stencils
             .par_iter()
@@ -376,8 +376,8 @@ impl Contact {
     /// ∂²Π/∂x∂x \[N/m\] as blocks between local nodes, both triangles, ascending by (row, column). With `convexity` above zero less that
     /// share of the negative curvatures of every term between a point and the inside of a triangle, and less all of those of the others: a
     /// point beside an edge or corner sees a fillet as small as the gap, whose negative curvature nothing makes up for.
-    pub fn hessian(&self, x: &[f64], floor: f64, convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
-        let terms = self.terms(x, floor);
+    pub fn hessian(&self, x: &[f64], softness: f64, convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
+        let terms = self.terms(x, softness);
         let (p, stencils) = (&terms.p, &terms.stencils);
         let matrices: Vec<Matrix12> = stencils
             .par_iter()
@@ -429,7 +429,7 @@ impl Contact {
 
     /// Greatest share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that touches nothing; in the
     /// cheap mode the share on which no penetration can escape notice.
-    pub fn share(&self, from: &[f64], to: &[f64]) -> f64 {
+    pub fn collision_free_step(&self, from: &[f64], to: &[f64]) -> f64 {
         let (start, end) = (self.surfaces.positions(from), self.surfaces.positions(to));
         let farthest = ccd::largest(start.iter().zip(&end).map(|(a, b)| b - a));
         if !farthest.is_finite() {
@@ -449,7 +449,7 @@ impl Contact {
             }
         };
         for k in 0..n {
-            let share = self.straight_share(&at(k), &at(k + 1));
+            let share = self.straight_step(&at(k), &at(k + 1));
             if share < 1.0 {
                 return (k as f64 + share) / n as f64;
             }
@@ -457,15 +457,15 @@ impl Contact {
         1.0
     }
 
-    fn straight_share(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {
+    fn straight_step(&self, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {
         let near = self.candidates_between(Primitives::Edges, from, to);
         let triangles = near.point_triangle.par_iter().with_min_len(512).map(|&[s, t]| {
             let [from, to] = [from, to].map(|p| self.triangle_points(s, t, p));
-            ccd::point_triangle_share(&from, &to, ccd::tenth)
+            ccd::point_triangle_step(&from, &to, ccd::tenth)
         });
         let edges = near.edge_edge.par_iter().with_min_len(512).map(|&[e, f]| {
             let [from, to] = [from, to].map(|p| self.edge_points(e, f, p));
-            ccd::edge_edge_share(&from, &to, ccd::tenth)
+            ccd::edge_edge_step(&from, &to, ccd::tenth)
         });
         triangles.chain(edges).reduce(|| 1.0, f64::min)
     }

@@ -27,9 +27,9 @@ const LONGEST: f64 = 0.5;
 /// Share of the activation distance above which barriers that are softened below it are sampled at corners only.
 const SOFTEST: f64 = 0.2;
 
-/// What is sampled where barriers are softened below the share `floor` of the activation distance.
-fn sampled(floor: f64) -> Primitives {
-    if floor > SOFTEST { Primitives::Corners } else { Primitives::Samples }
+/// What is sampled where barriers are softened below the share `softness` of the activation distance.
+fn sampled(softness: f64) -> Primitives {
+    if softness > SOFTEST { Primitives::Corners } else { Primitives::Samples }
 }
 
 impl Contact {
@@ -47,17 +47,17 @@ impl Contact {
     }
 
     /// Points inside a surface with the collision points at `p`.
-    fn soft_inside(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Near> {
-        self.near_within(p, sampled(floor), &|_, _| 0.0, self.longest_soft_step(), 0.0)
+    fn soft_inside(&self, p: &[Vector3<f64>], softness: f64) -> Vec<Near> {
+        self.near_within(p, sampled(softness), &|_, _| 0.0, self.longest_soft_step(), 0.0)
     }
 
-    /// Barriers softened below the share `floor` of the activation distance, with the collision points at `p`.
-    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], floor: f64) -> Vec<Stencil> {
+    /// Barriers softened below the share `softness` of the activation distance, with the collision points at `p`.
+    pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], softness: f64) -> Vec<Stencil> {
         let all = &self.surfaces;
         let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
-        let primitives = sampled(floor);
+        let primitives = sampled(softness);
         let areas = if primitives == Primitives::Corners { &all.corner_areas } else { &all.areas };
-        let inside = self.soft_inside(p, floor);
+        let inside = self.soft_inside(p, softness);
         let mut entered: Vec<(u32, usize)> =
             inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
         entered.sort_unstable();
@@ -71,7 +71,7 @@ impl Contact {
             let sample = stencil.points[0] as usize;
             stencil.scale *= areas[sample] / all.areas[sample];
             if let Law::Barrier(reach) = stencil.law {
-                stencil.law = Law::Soft { reach, floor, side: 1.0 };
+                stencil.law = Law::Soft { reach, softness, side: 1.0 };
             }
         }
         stencils.extend(inside.iter().map(|n| {
@@ -80,7 +80,7 @@ impl Contact {
                 points: [n.point, a, b, c],
                 closest: point_triangle(&self.triangle_points(n.point, n.triangle, p)),
                 scale: 0.5 * areas[n.point as usize] * self.stiffness(n.point, a),
-                law: Law::Soft { reach: self.reach[n.point as usize], floor, side: -1.0 },
+                law: Law::Soft { reach: self.reach[n.point as usize], softness, side: -1.0 },
                 edges: 0.0,
             }
         }));
@@ -88,8 +88,8 @@ impl Contact {
     }
 
     /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened below
-    /// the share `floor` of the activation distance.
-    pub fn soft_share(&self, from: &[f64], to: &[f64], floor: f64) -> f64 {
+    /// the share `softness` of the activation distance.
+    pub fn soft_step(&self, from: &[f64], to: &[f64], softness: f64) -> f64 {
         let all = &self.surfaces;
         let start = all.positions(from);
         let u: Vec<Vector3<f64>> =
@@ -109,7 +109,7 @@ impl Contact {
         let farthest = all.list.par_iter().enumerate().map(farthest_of).reduce(|| longest, f64::max);
         let mut share = longest / farthest;
         let least = |point: usize, other: usize| share * against(point, other);
-        let ahead = self.near_within(&start, sampled(floor), &least, longest, 0.0);
+        let ahead = self.near_within(&start, sampled(softness), &least, longest, 0.0);
         for n in ahead {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
@@ -121,10 +121,10 @@ impl Contact {
         share
     }
 
-    /// Positions \[m\] of the nodes near `x` at which all surfaces are apart by the share `floor` of the activation distance; nodes for
+    /// Positions \[m\] of the nodes near `x` at which all surfaces are apart by the share `softness` of the activation distance; nodes for
     /// which `moves` is false stay. `None`: none are found.
-    pub fn parted(&self, x: &[f64], floor: f64, moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
-        let u = self.part(x, floor * self.distance, moves).ok()?;
+    pub fn untangled(&self, x: &[f64], softness: f64, moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
+        let u = self.untangle(x, softness * self.distance, moves).ok()?;
         Some(x.iter().zip(&u).map(|(x, u)| x + u).collect())
     }
 }

@@ -19,12 +19,12 @@ pub type Matrix12 = [[f64; 12]; 12];
 pub enum Law {
     /// κ A d̂ B(d/d̂) of the [`barrier`] with activation distance d̂ \[m\].
     Barrier(f64),
-    /// The same, softened below a share `floor` of d̂; `side` is −1 where d is a depth of penetration.
+    /// The same, softened below a share `softness` of d̂; `side` is −1 where d is a depth of penetration.
     Soft {
         /// d̂ \[m\].
         reach: f64,
         /// That share.
-        floor: f64,
+        softness: f64,
         /// 1 outside, −1 inside.
         side: f64,
     },
@@ -63,8 +63,8 @@ impl Stencil {
                 let [b, b1, b2] = barrier(d / reach);
                 [self.scale * reach * b, self.scale * (b1 / d), self.scale * b2 / reach]
             }
-            Law::Soft { reach, floor, side } => {
-                let [b, b1, b2] = softened(side * d / reach, floor);
+            Law::Soft { reach, softness, side } => {
+                let [b, b1, b2] = softened(side * d / reach, softness);
                 // On the other surface itself the connection has no direction.
                 let slope = if d > 0.0 { side * b1 / d } else { 0.0 };
                 [self.scale * reach * b, self.scale * slope, self.scale * b2 / reach]

@@ -10,7 +10,7 @@ use std::time::Instant;
 pub struct ContactTerm {
     contact: Arc<Contact>,
     /// Share of the activation distance below which it is softened; 0: nowhere.
-    floor: f64,
+    softness: f64,
     /// Time spent in it \[ns\].
     spent: AtomicU64,
 }
@@ -18,7 +18,7 @@ pub struct ContactTerm {
 impl ContactTerm {
     /// Contact as it is.
     pub fn new(contact: Arc<Contact>) -> ContactTerm {
-        ContactTerm { contact, floor: 0.0, spent: AtomicU64::new(0) }
+        ContactTerm { contact, softness: 0.0, spent: AtomicU64::new(0) }
     }
 
     /// What `of` says of it; the time of that counts.
@@ -32,15 +32,15 @@ impl ContactTerm {
 
 impl IslandTerm for ContactTerm {
     fn energy(&self, x: &[f64]) -> f64 {
-        self.timed(|contact| contact.energy(x, self.floor))
+        self.timed(|contact| contact.energy(x, self.softness))
     }
 
     fn add_gradient(&self, x: &[f64], g: &mut [f64]) {
-        self.timed(|contact| contact.add_gradient(x, self.floor, g));
+        self.timed(|contact| contact.add_gradient(x, self.softness, g));
     }
 
     fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
-        self.timed(|contact| contact.hessian(x, self.floor, convexity))
+        self.timed(|contact| contact.hessian(x, self.softness, convexity))
     }
 
     fn force_scale(&self, x: &[f64], total: &mut [f64]) -> f64 {
@@ -51,22 +51,22 @@ impl IslandTerm for ContactTerm {
     }
 
     fn energy_jumps(&self) -> bool {
-        self.floor > 0.0
+        self.softness > 0.0
     }
 
     fn keeps_apart(&self) -> bool {
         true
     }
 
-    fn free_share(&self, from: &[f64], to: &[f64]) -> f64 {
-        self.timed(|contact| match self.floor {
-            0.0 => contact.share(from, to),
-            floor => contact.soft_share(from, to, floor),
+    fn collision_free_step(&self, from: &[f64], to: &[f64]) -> f64 {
+        self.timed(|contact| match self.softness {
+            0.0 => contact.collision_free_step(from, to),
+            softness => contact.soft_step(from, to, softness),
         })
     }
 
     fn longest_step(&self) -> f64 {
-        match self.floor {
+        match self.softness {
             0.0 => f64::INFINITY,
             _ => self.timed(Contact::longest_soft_step),
         }
@@ -76,17 +76,17 @@ impl IslandTerm for ContactTerm {
         self.contact.can_soften()
     }
 
-    fn soften(&mut self, floor: f64) {
-        self.floor = floor;
+    fn soften(&mut self, softness: f64) {
+        self.softness = softness;
     }
 
     fn meets(&self, x: &[f64]) -> bool {
         self.energy(x) > 0.0
     }
 
-    fn part(&self, x: &mut Vec<f64>, floor: f64, moves: &dyn Fn(u32) -> bool) -> bool {
-        let parted = self.timed(|contact| contact.parted(x, floor, moves));
-        parted.map(|parted| *x = parted).is_some()
+    fn untangle(&self, x: &mut Vec<f64>, softness: f64, moves: &dyn Fn(u32) -> bool) -> bool {
+        let untangled = self.timed(|contact| contact.untangled(x, softness, moves));
+        untangled.map(|untangled| *x = untangled).is_some()
     }
 
     fn seconds(&self) -> f64 {

@@ -40,7 +40,7 @@ pub trait IslandTerm: Send + Sync {
     }
 
     /// Greatest share 0..=1 of the straight way from the places `from` to `to` that it admits.
-    fn free_share(&self, _from: &[f64], _to: &[f64]) -> f64 {
+    fn collision_free_step(&self, _from: &[f64], _to: &[f64]) -> f64 {
         1.0
     }
 
@@ -54,16 +54,16 @@ pub trait IslandTerm: Send + Sync {
         false
     }
 
-    /// Softens it below the share `floor` of the distance at which it begins; 0: it is itself again.
-    fn soften(&mut self, _floor: f64) {}
+    /// Softens it below the share `softness` of the distance at which it begins; 0: it is itself again.
+    fn soften(&mut self, _softness: f64) {}
 
     /// Whether anything that is kept apart is close or overlaps.
     fn meets(&self, _x: &[f64]) -> bool {
         false
     }
 
-    /// Moves nodes at `x` for which `moves` is true until all is apart by the share `floor` of that distance; returns whether it is.
-    fn part(&self, _x: &mut Vec<f64>, _floor: f64, _moves: &dyn Fn(u32) -> bool) -> bool {
+    /// Moves nodes at `x` for which `moves` is true until all is apart by the share `softness` of that distance; returns whether it is.
+    fn untangle(&self, _x: &mut Vec<f64>, _softness: f64, _moves: &dyn Fn(u32) -> bool) -> bool {
         true
     }
 

@@ -286,7 +286,7 @@ impl ContactPlan {
             return Ok(Repair::default()); // an overlap is a penetration like any other
         }
         let members: Vec<usize> = (0..self.surfaces.len()).collect();
-        let Some(contact) = self.part(&members, Some, &mesh.points, motion) else {
+        let Some(contact) = self.on_island(&members, Some, &mesh.points, motion) else {
             return Ok(Repair::default());
         };
         let x = mesh.points.as_flattened().to_vec();
@@ -307,8 +307,9 @@ impl ContactPlan {
         let moves = |n: u32| motion[n as usize].iter().any(|m| matches!(m, Motion::Free));
         let mut tries = 0;
         let (mended, u) = loop {
-            let contact = self.part(&members, Some, &mesh.points, motion).expect("there was contact before");
-            let stuck = match contact.part(&x, gap, &moves) {
+            let contact =
+                self.on_island(&members, Some, &mesh.points, motion).expect("there was contact before");
+            let stuck = match contact.untangle(&x, gap, &moves) {
                 Ok(u) => {
                     let mut u: Vec<[f64; 3]> = u.as_chunks::<3>().0.to_vec();
                     self.carry_inside(mesh, motion, &mut u);
@@ -359,7 +360,7 @@ impl ContactPlan {
 
     /// The contact of the surfaces `members` (ascending) that belong to one island, over its local nodes; `None` where no pair
     /// of them may meet.
-    pub fn part(
+    pub fn on_island(
         &self,
         members: &[usize],
         local: impl Fn(u32) -> Option<u32>,

@@ -263,12 +263,12 @@ impl Admissible for LoadedIsland {
         self.terms.iter().map(|term| term.longest_step()).fold(f64::INFINITY, f64::min)
     }
 
-    fn free_share(&self, from: &[f64], x: &[f64]) -> f64 {
+    fn collision_free_step(&self, from: &[f64], x: &[f64]) -> f64 {
         if self.terms.is_empty() {
             return 1.0;
         }
         let to = self.expand(x);
-        self.terms.iter().map(|term| term.free_share(from, &to)).fold(1.0, f64::min)
+        self.terms.iter().map(|term| term.collision_free_step(from, &to)).fold(1.0, f64::min)
     }
 
     fn contact_seconds(&self) -> f64 {
@@ -328,11 +328,11 @@ impl Loading for LoadedIsland {
         }
     }
 
-    fn soften(&mut self, floor: f64) -> bool {
+    fn soften(&mut self, softness: f64) -> bool {
         let can = self.terms.iter().all(|term| term.may_be_carried())
             && self.terms.iter().any(|term| term.can_soften());
-        let floor = if can { floor } else { 0.0 };
-        self.terms.iter_mut().filter(|term| term.can_soften()).for_each(|term| term.soften(floor));
+        let softness = if can { softness } else { 0.0 };
+        self.terms.iter_mut().filter(|term| term.can_soften()).for_each(|term| term.soften(softness));
         can
     }
 
@@ -341,10 +341,10 @@ impl Loading for LoadedIsland {
         self.terms.iter().any(|term| term.meets(&x))
     }
 
-    fn part(&self, x: &mut [f64], floor: f64) -> bool {
+    fn untangle(&self, x: &mut [f64], softness: f64) -> bool {
         let mut places = self.expand(x);
         let is_free = |n| self.island.is_free(n);
-        if !self.terms.iter().all(|term| term.part(&mut places, floor, &is_free)) {
+        if !self.terms.iter().all(|term| term.untangle(&mut places, softness, &is_free)) {
             return false;
         }
         self.island.take_free(&places, x);

@@ -522,7 +522,7 @@ fn island(
     let X = points.as_flattened().to_vec();
     let motion: Vec<[Motion; 3]> = motion;
     let contact = contact.and_then(|(plan, members)| {
-        plan.part(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
+        plan.on_island(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
     });
     let mut island = Island::new(name, nodes, X, effects, cells, motion, sliding, pivots.clone(), n_controls);
     island.contact = contact.map(Arc::new);

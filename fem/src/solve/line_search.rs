@@ -121,6 +121,6 @@ impl Run<'_> {
         for i in 0..x.len() {
             trial[i] = x[i] + dx[i];
         }
-        potential.free_share(from, trial)
+        potential.collision_free_step(from, trial)
     }
 }

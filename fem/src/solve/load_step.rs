@@ -19,7 +19,7 @@ const ON_THE_WAY: f64 = 0.05;
 const CLOSER: f64 = 0.01;
 /// Shares of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
 /// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
-const FLOORS: [f64; 3] = [0.8, 0.1, 0.03];
+const SCHEDULE: [f64; 3] = [0.8, 0.1, 0.03];
 /// Iterations that softened contact may take.
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Unstable equilibria that are left in one load step.
@@ -132,23 +132,23 @@ impl Run<'_> {
     /// whether that led to a place where nothing overlaps. Newton's method does not try it once more on the way.
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
-        let hardest = FLOORS[FLOORS.len() - 1];
-        let parted = FLOORS.iter().all(|&floor| self.relax(potential, x, load, floor, ON_THE_WAY))
-            && (potential.part(x, hardest)
+        let hardest = SCHEDULE[SCHEDULE.len() - 1];
+        let parted = SCHEDULE.iter().all(|&softness| self.relax(potential, x, load, softness, ON_THE_WAY))
+            && (potential.untangle(x, hardest)
                 // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
-                || self.relax(potential, x, load, hardest, CLOSER) && potential.part(x, hardest));
+                || self.relax(potential, x, load, hardest, CLOSER) && potential.untangle(x, hardest));
         potential.soften(0.0);
         parted && is_sound(potential, x, 0.0)
     }
 
-    /// Takes `x` near equilibrium at the load `load` with contact softened below `floor`, to a residual of `enough` relative to the forces in
+    /// Takes `x` near equilibrium at the load `load` with contact softened below `softness`, to a residual of `enough` relative to the forces in
     /// play; returns whether it got there.
     fn relax(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
         load: f64,
-        floor: f64,
+        softness: f64,
         enough: f64,
     ) -> bool {
         let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
@@ -156,10 +156,10 @@ impl Run<'_> {
         self.settings.max_iterations = MAX_SOFT_ITERATIONS;
         self.linear.forget();
         let before = std::mem::replace(&mut self.convexity, Convexity::full());
-        let outcome = potential.soften(floor).then(|| self.newton(potential, x, load));
+        let outcome = potential.soften(softness).then(|| self.newton(potential, x, load));
         if let Some(Err(failure)) = &outcome {
             let (det_f, reason) = (failure.det_f, &failure.reason);
-            tracing::debug!(island = %self.name, step = self.step, load, floor, det_f, %reason, "softened contact does not settle");
+            tracing::debug!(island = %self.name, step = self.step, load, softness, det_f, %reason, "softened contact does not settle");
         }
         (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
         self.convexity = before;
@@ -185,7 +185,7 @@ impl Run<'_> {
         let start = x.to_vec();
         let mut until = target;
         let outcome = loop {
-            if !potential.soften(FLOORS[0]) {
+            if !potential.soften(SCHEDULE[0]) {
                 break None;
             }
             let outcome = self.go_softly(potential, x, t, until, piece);
@@ -231,7 +231,7 @@ impl Run<'_> {
                 trial.copy_from_slice(x);
                 potential.carry(next, &mut trial);
                 // No point may come past the middle of a body at once.
-                let share = potential.free_share(&places, &trial);
+                let share = potential.collision_free_step(&places, &trial);
                 if share < 1.0 && length > LEAST_CARRY * piece {
                     potential.set_load(t, x);
                     length *= (0.9 * share).clamp(0.1, 0.9);
@@ -257,7 +257,7 @@ impl Run<'_> {
                 // The rest is a load step of its own, from where surfaces are apart again.
                 break;
             }
-            if !self.relax(potential, x, t, FLOORS[0], ON_THE_WAY) {
+            if !self.relax(potential, x, t, SCHEDULE[0], ON_THE_WAY) {
                 return Soft::Failed(t);
             }
         }
@@ -319,7 +319,8 @@ impl Run<'_> {
                     trial[i] = x[i] + length * dx[i];
                 }
                 potential.set_load(load, &mut trial);
-                let free = if places.is_empty() { 1.0 } else { potential.free_share(&places, &trial) };
+                let free =
+                    if places.is_empty() { 1.0 } else { potential.collision_free_step(&places, &trial) };
                 if free >= 1.0 && is_sound(potential, &trial, DET_F_SHARE * det_before) {
                     x.copy_from_slice(&trial);
                     t = load;
@@ -376,7 +377,7 @@ impl Run<'_> {
             let places = potential.touching(x);
             trial.copy_from_slice(x);
             potential.carry(load, &mut trial);
-            if potential.free_share(&places, &trial) >= 1.0
+            if potential.collision_free_step(&places, &trial) >= 1.0
                 && is_sound(potential, &trial, DET_F_SHARE * det_before)
             {
                 x.copy_from_slice(&trial);
@@ -405,7 +406,8 @@ impl Run<'_> {
     ) -> bool {
         trial.copy_from_slice(x);
         potential.set_load(target, trial);
-        let works = potential.energy(trial).is_finite() && potential.free_share(places, trial) >= 1.0;
+        let works =
+            potential.energy(trial).is_finite() && potential.collision_free_step(places, trial) >= 1.0;
         if works {
             x.copy_from_slice(trial);
         }

@@ -46,7 +46,7 @@ impl Run<'_> {
                 trial[i] = x[i] + size * mode[i];
             }
             if potential.energy(&trial).is_finite()
-                && (places.is_empty() || potential.free_share(&places, &trial) >= 1.0)
+                && (places.is_empty() || potential.collision_free_step(&places, &trial) >= 1.0)
             {
                 x.copy_from_slice(&trial);
                 break;

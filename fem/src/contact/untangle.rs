@@ -39,7 +39,7 @@ impl TooClose {
 impl Contact {
     /// Displacements \[m\] of the nodes at `x` that take all surfaces at least `gap` \[m\] apart, `gap` well above zero; nodes
     /// for which `moves` is false stay. Where that cannot be reached: (node, surface) of what stays too close.
-    pub fn part(
+    pub fn untangle(
         &self,
         x: &[f64],
         gap: f64,
