@@ -4,10 +4,9 @@
 //! Guarded surfaces begin to press at the activation distance, so the plane stands that much higher than it is drawn; approach is
 //! counted from there, and the row names the distance.
 //!
-//! A half ball whose flat face is bonded is stiffer than the half space of Hertz: an axisymmetric linear solution with exact contact,
-//! written for this alone, has 5.5, 7.8, 9.9 and 11.7 % more force than Hertz at 0.05 to 0.2 mm (cells of 0.07 mm). So b07 as it
-//! stands cannot hold its 5 % beyond the least approach. With the flat face on a roller the same solution has 4.1, 5.8, 7.3 and
-//! 8.6 % more, and the whole ball between two planes has a closed form for that: [`tatara`].
+//! A half ball whose flat face is bonded is stiffer than the half space of Hertz, which gives way at the depth of that face. So b07 is
+//! judged by an independent linear solution of the same body, [`OVER_HERTZ`], with Hertz beside it. For a flat face on a roller, which is
+//! the whole ball between two planes, there is a closed form: [`tatara`].
 
 use crate::{Case, Outcome, Tier};
 use fem::measure::{contact_tractions, pair_forces};
@@ -142,6 +141,10 @@ enum Face {
 
 /// Approaches \[m\] of b07.
 const APPROACHES: [f64; 4] = [0.05e-3, 0.1e-3, 0.15e-3, 0.2e-3];
+/// Force over that of Hertz at the [`APPROACHES`] with a bonded face and with one on a roller: an axisymmetric solution with linear
+/// elasticity, quadratic elements of 0.07 mm and exact unilateral contact, from the description of b07 in the benchmarks of the design. A
+/// second one, made for this test in 2026 and not kept, has 1.055, 1.078, 1.099, 1.117 and 1.041, 1.058, 1.073, 1.086.
+const OVER_HERTZ: [[f64; 4]; 2] = [[1.051, 1.076, 1.096, 1.113], [1.038, 1.057, 1.072, 1.085]];
 /// Edge \[m\] of the cells under the contact, at most 0.15 mm.
 const EDGE: f64 = 0.14e-3;
 
@@ -228,18 +231,23 @@ fn tatara(approach: f64) -> f64 {
     force
 }
 
-/// b07: 5 % of the force, 10 % of the radius at that approach.
+/// b07: 3 % of the force, 10 % of the radius of that force. The solution with a roller must be the closed form, to 0.5 %.
 fn forces(way: &Way, face: Face) -> Outcome {
     let (mut rows, mut holds) = (Vec::new(), true);
-    for p in sphere(way, face, EDGE)? {
-        let reference = if face == Face::Bonded { hertz(p.approach) } else { tatara(p.approach) };
+    let over_hertz = OVER_HERTZ[usize::from(face == Face::Rolls)];
+    for (p, over_hertz) in sphere(way, face, EDGE)?.iter().zip(over_hertz) {
+        let reference = over_hertz * hertz(p.approach);
+        if face == Face::Rolls {
+            holds &= percent(tatara(p.approach), reference).abs() < 0.5;
+        }
         let force = percent(p.force, reference);
         let radius = percent(p.radius, (3.0 * reference * RADIUS / (4.0 * E_STAR)).cbrt());
-        holds &= force.abs() < 5.0 && radius.abs() < 10.0;
+        holds &= force.abs() < 3.0 && radius.abs() < 10.0;
         rows.push(format!(
-            "{:.2} mm: {:.4} N ({force:+.1} %), radius {:.3} mm ({radius:+.1} %)",
+            "{:.2} mm: {:.4} N ({force:+.1} %, from Hertz {:+.1} %), radius {:.3} mm ({radius:+.1} %)",
             p.approach * 1e3,
             p.force,
+            percent(p.force, hertz(p.approach)),
             p.radius * 1e3
         ));
     }
