@@ -75,6 +75,7 @@ fn main() {
         no_equilibrium::CASES,
         solved::CASES,
     ];
+    let titles: Vec<(&str, &str)> = tables.into_iter().flatten().map(|c| (c.id, c.title)).collect();
     for case in tables.into_iter().flatten() {
         if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
             continue;
@@ -102,7 +103,7 @@ fn main() {
         rows.push(page::Row { id: case.id, title: case.title, verdict, seconds, text });
     }
     if arguments.iter().any(|a| a == "--page") {
-        page::enter(rows);
+        page::enter(rows, &titles);
     }
     if surprises > 0 {
         println!("{surprises} hard case(s) ended otherwise than expected");

@@ -40,20 +40,27 @@ fn file() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md")
 }
 
-/// Enters rows in the page; those of other cases stay.
-pub fn enter(rows: Vec<Row>) {
+/// Without what would break a table.
+fn plain(text: &str) -> String {
+    text.replace('|', "\\|").replace('\n', " ")
+}
+
+/// Enters rows in the page; those of other cases stay, those that are none of `cases` (id, title) any more go.
+pub fn enter(rows: Vec<Row>, cases: &[(&str, &str)]) {
+    let is_case = |id: &str, title: &str| cases.iter().any(|c| c.0 == id && plain(c.1) == title);
     let before = std::fs::read_to_string(file()).unwrap_or_default();
     let mut all = BTreeMap::new();
     for line in before.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| id |")) {
         let mut cells =
             line.trim_start_matches("| ").trim_end_matches(" |").splitn(3, " | ").map(String::from);
         if let (Some(id), Some(title), Some(rest)) = (cells.next(), cells.next(), cells.next()) {
-            all.insert((id, title), rest);
+            if is_case(&id, &title) {
+                all.insert((id, title), rest);
+            }
         }
     }
     let run = run();
     for Row { id, title, verdict, seconds, text } in rows {
-        let plain = |s: &str| s.replace('|', "\\|").replace('\n', " ");
         all.insert((id.into(), plain(title)), format!("{verdict} | {seconds:.1} | {} | {run}", plain(&text)));
     }
     let lines = all.iter().map(|((id, title), cells)| format!("| {id} | {title} | {cells} |\n"));
