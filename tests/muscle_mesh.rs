@@ -594,7 +594,7 @@ fn every_muscle_has_its_fibres_attachments_and_line() {
 
 /// A surface that moves inwards by a little sweeps its area times the way; one that moves far leaves a muscle that can be meshed.
 #[test]
-fn muscles_drawn_in_lose_a_layer_of_that_thickness() {
+fn muscles_inset_lose_a_layer_of_that_thickness() {
     for muscle in sections() {
         let name = &muscle.name;
         let volume = |m: &MuscleSections| mesher::loft_volume(&Loft::new(m), 1.0);
@@ -602,13 +602,13 @@ fn muscles_drawn_in_lose_a_layer_of_that_thickness() {
         let (surface, _) = Surface::from_faces(&block.points, &block.side_faces());
         let side: f64 = (0..surface.triangles.len()).map(|t| surface.area_vector(t).norm()).sum();
         let by = 0.2e-3;
-        let drawn_in = |by: f64| muscle.drawn_in(by).unwrap_or_else(|e| panic!("{e}"));
-        let layer = (volume(&muscle) - volume(&drawn_in(by))) / (side * by);
+        let inset = |by: f64| muscle.inset(by).unwrap_or_else(|e| panic!("{e}"));
+        let layer = (volume(&muscle) - volume(&inset(by))) / (side * by);
         assert!((layer - 1.0).abs() < 0.12, "{name}: {layer} times the layer of {by} m");
         let mut before = volume(&muscle);
         for by in [1e-3, 2.5e-3, 5e-3] {
-            let thin = drawn_in(by);
-            assert!(volume(&thin) < before, "{name} drawn in by {by} m");
+            let thin = inset(by);
+            assert!(volume(&thin) < before, "{name} inset by {by} m");
             before = volume(&thin);
         }
         // A third of width and thickness is left of a strap, a ninth of its section.
@@ -618,7 +618,7 @@ fn muscles_drawn_in_lose_a_layer_of_that_thickness() {
 
 /// As in the publication's reading, where muscles lie some millimetres apart.
 #[test]
-fn a_thigh_drawn_in_has_wide_gaps() {
+fn a_thigh_inset_has_wide_gaps() {
     let effects = ThighEffects { fibres: false, shells: false };
     let [as_drawn, wide] = [0.0, 5e-3].map(|by| {
         thigh::from_limb(thigh::limb().unwrap(), 12e-3, by, &[], effects).expect("built-in sections")

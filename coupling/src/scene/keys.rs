@@ -10,7 +10,7 @@ use multibody::keys::{Key, key, likeness, top_keys};
 use multibody::trial_file;
 
 use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
-use super::{DRAWN_IN, FLEXIONS, RESIDUALS, RESOLUTIONS};
+use super::{FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS};
 
 /// What a material constant may be.
 const fn of(constant: usize) -> multibody::keys::Kind {
@@ -24,7 +24,7 @@ pub const KEYS: &[Key] = &[
     key("trial", File, Default("\"walker\""), "", "The built-in walker, a trial file beside this one or in --data, or the name of a shipped trial", "\"DM_ngait_og3\""),
     key("muscles", Either(&[Word(&["all", "none"]), Texts]), Default("\"all\""), "", "Muscles of the thigh that are simulated; none: the rigid leg alone", "[\"gluteus_maximus\", \"sartorius\"]"),
     key("resolution_mm", Number(*RESOLUTIONS.start(), *RESOLUTIONS.end()), Default("12.0"), "mm", "Length of the edges of the mesh that is aimed at", "8.0"),
-    key("draw_in_mm", Number(*DRAWN_IN.start(), *DRAWN_IN.end()), Default("0.0"), "mm", "Surfaces of the muscles are drawn in by up to this, so that gaps between them grow by up to twice as much", "2.0"),
+    key("inset_mm", Number(*INSETS.start(), *INSETS.end()), Default("0.0"), "mm", "Surfaces of the muscles are inset by up to this, so that gaps between them grow by up to twice as much", "2.0"),
     key("stress_free", Word(&["standing", "heel_strike"]), Default("\"standing\""), "", "Posture in which the mesh is free of stress; heel_strike is the reading of the publication", "\"heel_strike\""),
     key("surfaces", File, Optional("the built-in thigh"), "", "Folder of closed muscle surfaces in m, beside a folder `bones`; beside this file or in --data", "\"muscles_fit\""),
 

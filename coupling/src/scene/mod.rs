@@ -30,8 +30,8 @@ use materials::{Materials, MaterialsEntry};
 
 /// Target edge lengths that are meshed \[mm\].
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
-/// How far muscles can be drawn in \[mm\]; at least a third of the thickness and width of every muscle is left.
-const DRAWN_IN: RangeInclusive<f64> = 0.0..=5.0;
+/// How far muscles can be inset \[mm\]; at least a third of the thickness and width of every muscle is left.
+const INSETS: RangeInclusive<f64> = 0.0..=5.0;
 /// Knee flexion that can be prescribed \[degrees\].
 const FLEXIONS: RangeInclusive<f64> = 0.0..=120.0;
 /// Residuals that can be asked for \[N\]: the least is above round-off, the greatest below the forces of most muscles.
@@ -82,8 +82,8 @@ pub struct Scene {
     pub surfaces: Option<PathBuf>,
     /// Edge length of the mesh that is aimed at \[m\].
     pub resolution: f64,
-    /// How far the surfaces of the muscles are drawn in at most \[m\].
-    pub draw_in: f64,
+    /// How far the surfaces of the muscles are inset at most \[m\].
+    pub inset: f64,
     /// Forces out of balance at which a step counts as solved: norm over all nodes \[N\], more where muscles pull
     /// with more than 1000 N.
     pub residuals: PerConfiguration<f64>,
@@ -112,7 +112,7 @@ struct SceneFile {
     trial: Option<Spanned<PathBuf>>,
     muscles: Option<Spanned<Muscles>>,
     resolution_mm: Option<f64>,
-    draw_in_mm: Option<f64>,
+    inset_mm: Option<f64>,
     #[serde(default)]
     stress_free: Option<Spanned<StressFree>>,
     surfaces: Option<Spanned<PathBuf>>,
@@ -229,7 +229,7 @@ impl SceneFile {
             muscles,
             surfaces: surfaces.flatten(),
             resolution: self.resolution_mm.unwrap_or(12.0) * 1e-3,
-            draw_in: self.draw_in_mm.unwrap_or(0.0) * 1e-3,
+            inset: self.inset_mm.unwrap_or(0.0) * 1e-3,
             residuals: PerConfiguration {
                 without: accuracy.residual_n.unwrap_or(without),
                 with: accuracy.contact_residual_n.unwrap_or(with),

@@ -25,7 +25,7 @@ impl Scene {
             of.retain(simulated);
         }
         keys.insert("resolution_mm".into(), in_millimetres(self.resolution).into());
-        keys.entry("draw_in_mm").or_insert(in_millimetres(self.draw_in).into());
+        keys.entry("inset_mm").or_insert(in_millimetres(self.inset).into());
         keys.insert("stress_free".into(), Value::try_from(self.stress_free).expect("a word"));
         let PerConfiguration { without, with } = self.residuals;
         let accuracy = section(&mut keys, "accuracy");

@@ -48,7 +48,7 @@ impl Scene {
         let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
         let of_thigh = |(label, _): &(&str, String)| match *label {
             "Trial" | "Thigh" | "Steps" => true,
-            "Muscles drawn in" => self.deformable && self.draw_in > 0.0,
+            "Inset of the muscles" => self.deformable && self.inset > 0.0,
             _ => self.deformable,
         };
         [
@@ -56,8 +56,8 @@ impl Scene {
             ("Thigh", thigh),
             ("Resolution", format!("{} mm", short(self.resolution * 1e3))),
             (
-                "Muscles drawn in",
-                format!("by up to {} mm, a third of thickness and width left", short(self.draw_in * 1e3)),
+                "Inset of the muscles",
+                format!("by up to {} mm, a third of thickness and width left", short(self.inset * 1e3)),
             ),
             (
                 "Residual",

@@ -183,8 +183,8 @@ impl Sized {
     /// The thigh before its mesh is made, to be counted; without muscles where the rigid leg is alone.
     pub fn draft(&self) -> Result<Thigh, StudyError> {
         let Some(limb) = &self.limb else { return Ok(names_only()) };
-        let Scene { resolution, draw_in, muscles, .. } = &self.scene;
-        let mut thigh = draft(limb.clone(), *resolution, *draw_in, muscles, effects(&self.scene))?;
+        let Scene { resolution, inset, muscles, .. } = &self.scene;
+        let mut thigh = draft(limb.clone(), *resolution, *inset, muscles, effects(&self.scene))?;
         self.scene.materials.apply(&mut thigh).map_err(StudyError::Option)?;
         Ok(thigh)
     }
@@ -206,7 +206,7 @@ impl Prepared {
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, StudyError> {
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
         let mut made = limb
-            .map(|limb| from_limb(limb, scene.resolution, scene.draw_in, &scene.muscles, effects(&scene)))
+            .map(|limb| from_limb(limb, scene.resolution, scene.inset, &scene.muscles, effects(&scene)))
             .transpose()?;
         if let Some(made) = &mut made {
             scene.materials.apply(&mut made.thigh).map_err(StudyError::Option)?;

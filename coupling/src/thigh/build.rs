@@ -189,7 +189,7 @@ impl Thigh {
 /// Whether a point of a muscle's side \[m\] is close enough to a bone to grow from it; names of the muscle and the bone first.
 pub type Reaches = dyn Fn(&str, &str, &Vector3<f64>) -> bool;
 
-/// [`Reaches`] of these bones; one that has no surface is never far. `before`: surfaces of muscles before their sections were drawn in, whose
+/// [`Reaches`] of these bones; one that has no surface is never far. `before`: surfaces of muscles before their sections were inset, whose
 /// nearest point counts.
 pub fn reaches(bones: &[Bone], before: BTreeMap<String, SearchSurface>) -> Box<Reaches> {
     let search: BTreeMap<String, SearchSurface> =

@@ -65,16 +65,16 @@ pub fn built_in(edge: f64, only: &[String], effects: ThighEffects) -> Result<Bui
     from_limb(limb()?, edge, 0.0, only, effects)
 }
 
-/// The same from a limb of one's own, e.g. one scaled to a subject ([`crate::subject::limb_map`]). Every muscle is drawn in by
-/// `draw_in` \[m\] ([`MuscleSections::drawn_in`]); the mesher keeps its own gap in any case.
+/// The same from a limb of one's own, e.g. one scaled to a subject ([`crate::subject::limb_map`]). Every muscle is inset by
+/// `inset` \[m\] ([`MuscleSections::inset`]); the mesher keeps its own gap in any case.
 pub fn from_limb(
     mut limb: Limb,
     edge: f64,
-    draw_in: f64,
+    inset: f64,
     only: &[String],
     effects: ThighEffects,
 ) -> Result<BuiltIn, MeshError> {
-    let before = choose(&mut limb, draw_in, only)?;
+    let before = choose(&mut limb, inset, only)?;
     let built = mesher::build(&limb.sections, &limb.bones, edge);
     let blocks: Vec<MuscleBlock> = built.muscles.iter().map(|m| m.block.clone()).collect();
     let Limb { bones, attachments, .. } = limb;
@@ -88,11 +88,11 @@ pub fn from_limb(
 pub fn draft(
     mut limb: Limb,
     edge: f64,
-    draw_in: f64,
+    inset: f64,
     only: &[String],
     effects: ThighEffects,
 ) -> Result<Thigh, MeshError> {
-    let before = choose(&mut limb, draw_in, only)?;
+    let before = choose(&mut limb, inset, only)?;
     let blocks = mesher::draft(&limb.sections, edge);
     let Limb { bones, attachments, .. } = limb;
     let areas = lines::physiological_sections();
@@ -100,18 +100,18 @@ pub fn draft(
     Ok(build::build_draft(&blocks, &attachments, &section, &reaches(&bones, before), effects))
 }
 
-/// Leaves the muscles that are wanted and draws them in by `draw_in` \[m\]; their surfaces before that.
+/// Leaves the muscles that are wanted and insets them by `inset` \[m\]; their surfaces before that.
 fn choose(
     limb: &mut Limb,
-    draw_in: f64,
+    inset: f64,
     only: &[String],
 ) -> Result<BTreeMap<String, SearchSurface>, MeshError> {
     limb.sections.retain(|m| only.is_empty() || only.contains(&m.name));
     let mut before = BTreeMap::new();
-    if draw_in > 0.0 {
+    if inset > 0.0 {
         for muscle in &mut limb.sections {
             before.insert(muscle.name.clone(), SearchSurface::new(side(muscle)));
-            *muscle = muscle.drawn_in(draw_in)?;
+            *muscle = muscle.inset(inset)?;
         }
     }
     Ok(before)

@@ -68,9 +68,9 @@ pub enum MeshError {
         /// What is missing.
         what: String,
     },
-    /// A muscle whose sections cannot be drawn in.
-    #[error("`{name}` cannot be drawn in by {} mm, station {station}: {reason}; draw in less", by * 1e3)]
-    DrawnIn {
+    /// A muscle whose sections cannot be inset.
+    #[error("`{name}` cannot be inset by {} mm, station {station}: {reason}; give a smaller inset", by * 1e3)]
+    Inset {
         /// Muscle.
         name: String,
         /// How far \[m\].

@@ -17,6 +17,8 @@ use mesher::Bone;
 use serde::Serialize;
 
 use super::page::{document_with, label_table, section};
+pub use published::published;
+
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::steps::{RigidMuscle, StepName};
 use coupling::study::Comparison;

@@ -5,7 +5,7 @@ use coupling::configuration::Configuration::{self, WithContact, WithoutContact};
 use coupling::steps::StepName;
 
 /// Mean and largest difference \[N\] of the publication at a step, without or with contact.
-pub(super) fn published(step: StepName, configuration: Configuration) -> [f64; 2] {
+pub fn published(step: StepName, configuration: Configuration) -> [f64; 2] {
     match (step, configuration) {
         (StepName::HeelStrike, WithoutContact) => [4.3, 20.0],
         (StepName::HeelStrike, WithContact) => [2.7, 10.3],

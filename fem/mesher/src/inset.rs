@@ -1,4 +1,4 @@
-//! Sections drawn in, so that muscles lie farther apart.
+//! Sections inset, so that muscles lie farther apart.
 
 use nalgebra::Vector3;
 
@@ -15,19 +15,19 @@ const LEAST: f64 = 1.0 / 3.0;
 impl MuscleSections {
     /// The muscle with its surface moved inwards by `by` \[m\], by less where no third of the thickness or width would be left. The line of the
     /// muscle stays, so do its ends. Refuses what [`MuscleSections::check`] refuses then.
-    pub fn drawn_in(&self, by: f64) -> Result<MuscleSections, MeshError> {
-        let stations = self.stations.iter().map(|station| drawn_in(station, by)).collect();
-        let drawn = MuscleSections { name: self.name.clone(), stations };
-        match drawn.check() {
-            Ok(()) => Ok(drawn),
-            Err((station, reason)) => Err(MeshError::DrawnIn { name: drawn.name, by, station, reason }),
+    pub fn inset(&self, by: f64) -> Result<MuscleSections, MeshError> {
+        let stations = self.stations.iter().map(|station| inset(station, by)).collect();
+        let smaller = MuscleSections { name: self.name.clone(), stations };
+        match smaller.check() {
+            Ok(()) => Ok(smaller),
+            Err((station, reason)) => Err(MeshError::Inset { name: smaller.name, by, station, reason }),
         }
     }
 }
 
 /// A section is a band about its middle line, from the middle of end A over the midpoints of facing points to the middle of end B: the band
 /// becomes shorter at both ends and thinner on both sides.
-fn drawn_in(station: &Station, by: f64) -> Station {
+fn inset(station: &Station, by: f64) -> Station {
     let at = |k: usize| station.outline[k];
     let mut middle = vec![at(ENDS[0])];
     let mut half = vec![Vector3::zeros()]; // from the middle line to side 1
