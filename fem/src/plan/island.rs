@@ -10,8 +10,8 @@ use super::flow::Flow;
 use super::load::{Load, Motion};
 use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};
-use crate::contact::Contact;
-use crate::effect::{Effect, NO_NODE, State};
+use crate::contact::{Contact, ContactTerm};
+use crate::effect::{Effect, IslandTerm, NO_NODE, State};
 use crate::solve::{PRESCRIBED, Pattern, Slots};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -133,6 +133,12 @@ impl Island {
             prescribed,
             least_scale,
         }
+    }
+
+    /// What belongs to it as a whole, as at the start of a solution.
+    pub fn terms(&self) -> Vec<Box<dyn IslandTerm>> {
+        let contact = self.contact.iter().cloned();
+        contact.map(|contact| Box::new(ContactTerm::new(contact)) as Box<dyn IslandTerm>).collect()
     }
 
     /// ∂Π/∂x of contact \[N\] over all local nodes, prescribed ones included; `None` where nothing can touch.

@@ -8,7 +8,6 @@ use super::flow::Flow;
 use super::island::{FORCE_BATCH, Island, STIFFNESS_BATCH};
 use super::load::{Load, Motion};
 use super::slide::Slide;
-use crate::contact::ContactTerm;
 use crate::effect::{Anchored, Effect, IslandTerm, Part, State};
 use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
 use nalgebra::{Matrix3, Vector3};
@@ -35,9 +34,7 @@ impl LoadedIsland {
         island.prescribe(&start, &mut x);
         let load = start.clone();
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
-        let contact = island.contact.iter().cloned();
-        let terms = contact.map(|contact| Box::new(ContactTerm::new(contact)) as Box<dyn IslandTerm>);
-        let terms = terms.collect();
+        let terms = island.terms();
         LoadedIsland { island, load, start, end, x, anchor, terms }
     }
 
