@@ -86,17 +86,17 @@ pub fn contact(
         .iter()
         .map(|name| surface(name, spec, scene, mesh, motion))
         .collect::<Result<_, _>>()?;
-    // From there on everything would touch everything.
+    // A metre between blocks of a centimetre is answered with their gaps; far beyond that sums over points would not be finite.
     let places: Vec<Vector3<f64>> =
         surfaces.iter().flat_map(|s| &s.nodes).map(|&n| mesh.points[n as usize].into()).collect();
     let whole = Aabb::around(places.iter());
-    let size = (whole.hi - whole.lo).norm();
+    let most = FARTHEST * (whole.hi - whole.lo).norm();
     check(
         user,
         "distance [m]",
         spec.distance,
-        spec.distance < size,
-        "less than the surfaces together are long",
+        spec.distance < most,
+        "below a thousand times what the surfaces measure",
     )?;
     let find = |name: &String| {
         spec.surfaces.iter().position(|s| s == name).ok_or_else(|| SceneError::Unknown {
@@ -240,6 +240,8 @@ fn young(law: &LawSpec) -> f64 {
     }
 }
 
+/// Activation distances beyond this, over the diagonal of all surfaces, are a slip of the pen.
+const FARTHEST: f64 = 1e3;
 /// Gap at the start, as a share of the activation distance, below which surfaces touch.
 const TOUCH: f64 = 0.1;
 /// Numbers of what nodes move with that no body has.
