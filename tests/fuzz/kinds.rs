@@ -208,7 +208,7 @@ fn scene(_: &Path) -> Vec<Base> {
         ("rigid.toml", "trial = \"walker\"\nmuscles = \"none\"\n\n[[step]]\nname = \"heel_strike\"\n".to_string()),
         (
             "one.toml",
-            "trial = \"walker\"\nmuscles = [\"gluteus_minimus\"]\nresolution_mm = 20.0\ndraw_in_mm = 0.5\nstress_free = \
+            "trial = \"walker\"\nmuscles = [\"gluteus_minimus\"]\nresolution_mm = 20.0\ninset_mm = 0.5\nstress_free = \
              \"standing\"\n\n[accuracy]\nresidual_n = 0.1\ncontact_residual_n = 10.0\n\n[effects]\nfibres = \
              \"hill\"\nshells = true\ncontact = \"guarded\"\n\n[[step]]\nname = \"heel_strike\"\n\n[[step]]\nname = \
              \"loading_response\"\nknee_flexion_deg = 15.0\n"
