@@ -53,10 +53,10 @@ pub fn enter(rows: Vec<Row>, cases: &[(&str, &str)]) {
     for line in before.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| id |")) {
         let mut cells =
             line.trim_start_matches("| ").trim_end_matches(" |").splitn(3, " | ").map(String::from);
-        if let (Some(id), Some(title), Some(rest)) = (cells.next(), cells.next(), cells.next()) {
-            if is_case(&id, &title) {
-                all.insert((id, title), rest);
-            }
+        if let (Some(id), Some(title), Some(rest)) = (cells.next(), cells.next(), cells.next())
+            && is_case(&id, &title)
+        {
+            all.insert((id, title), rest);
         }
     }
     let run = run();

@@ -18,7 +18,7 @@ pub enum CommandError {
         /// `right` or `left`.
         side: &'static str,
         /// Why.
-        source: StudyError,
+        source: Box<StudyError>,
     },
     /// Results cannot be written.
     #[error(transparent)]

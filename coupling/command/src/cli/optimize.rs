@@ -409,7 +409,7 @@ fn stopped(side: Side, error: StudyError) -> CommandError {
         StudyError::Input(error) => error.of_leg(side.name()).into(),
         // What the command line says holds for both.
         StudyError::Option(text) => CommandError::Option(text),
-        error => CommandError::OfLeg { side: side.name(), source: error },
+        error => CommandError::OfLeg { side: side.name(), source: Box::new(error) },
     }
 }
 
