@@ -53,11 +53,6 @@ impl<T> PerConfiguration<T> {
     pub fn iter(&self) -> impl Iterator<Item = (Configuration, &T)> {
         Configuration::ALL.into_iter().zip([&self.without, &self.with])
     }
-
-    /// The same by reference.
-    pub fn as_ref(&self) -> PerConfiguration<&T> {
-        PerConfiguration { without: &self.without, with: &self.with }
-    }
 }
 
 impl<T> PerConfiguration<Option<T>> {

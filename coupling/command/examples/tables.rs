@@ -57,20 +57,21 @@ fn put(file: &Path, name: &str, table: &str) -> Anything<()> {
     Ok(())
 }
 
-const COLUMNS: [(Configuration, &str); 2] =
-    [(Configuration::WithoutContact, "fe_no_contact_N"), (Configuration::WithContact, "fe_contact_N")];
-const STEPS: [StepName; 2] = [StepName::HeelStrike, StepName::LoadingResponse];
+/// Column of the forces of a configuration.
+fn column(configuration: Configuration) -> String {
+    format!("fe_{}_N", configuration.folder())
+}
 
 fn table(file: &Path, record: &Value) -> Anything<String> {
     let rows: Vec<Row> = csv::Reader::from_path(file)?.deserialize().collect::<Result<_, _>>()?;
     let steps: Vec<StepName> =
-        STEPS.into_iter().filter(|step| rows.iter().any(|row| row["step"] == step.name())).collect();
-    let computed: Vec<(Configuration, &str)> =
-        COLUMNS.into_iter().filter(|(_, column)| rows.iter().any(|row| !row[*column].is_empty())).collect();
+        StepName::ALL.into_iter().filter(|step| rows.iter().any(|row| row["step"] == step.name())).collect();
+    let mut computed = Configuration::ALL.to_vec();
+    computed.retain(|c| rows.iter().any(|row| !row[&column(*c)].is_empty()));
     let mut lines = vec![vec!["muscle, N".to_string()]];
     for step in &steps {
         lines[0].push(format!("{}: rigid", step.name().replace('_', " ")));
-        lines[0].extend(computed.iter().map(|(c, _)| format!("FE {}", c.name())));
+        lines[0].extend(computed.iter().map(|c| format!("FE {}", c.name())));
     }
     lines
         .push(lines[0].iter().enumerate().map(|(i, _)| if i == 0 { "---" } else { "---:" }.into()).collect());
@@ -79,8 +80,8 @@ fn table(file: &Path, record: &Value) -> Anything<String> {
         for step in &steps {
             let at = rows.iter().find(|r| r["step"] == step.name() && r["muscle"] == row["muscle"]);
             let at = at.ok_or_else(|| format!("{} is missing at {}", row["muscle"], step.name()))?;
-            let columns = ["rigid_N"].into_iter().chain(computed.iter().map(|c| c.1));
-            line.extend(columns.map(|column| number(at[column].parse().ok())));
+            let columns = ["rigid_N".to_string()].into_iter().chain(computed.iter().copied().map(column));
+            line.extend(columns.map(|column| number(at[&column].parse().ok())));
         }
         lines.push(line);
     }
@@ -92,7 +93,7 @@ fn table(file: &Path, record: &Value) -> Anything<String> {
         let mut line = vec![title.to_string()];
         for step in &steps {
             line.push(String::new());
-            line.extend(computed.iter().map(|(c, _)| of(step, *c)));
+            line.extend(computed.iter().map(|c| of(step, *c)));
         }
         line
     };

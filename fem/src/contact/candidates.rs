@@ -4,7 +4,7 @@
 //! whole Newton step with its line search, and later iterations that move little.
 
 use super::surface::Surfaces;
-use crate::geometry::tree::{Aabb, Fitted};
+use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -91,7 +91,7 @@ impl Candidates {
     ) -> Candidates {
         let boxes: Vec<Aabb> = from.iter().zip(to).map(|(a, b)| Aabb::of_way(a, b, slack)).collect();
         let of = |points: &[u32]| points.iter().fold(Aabb::empty(), |sum, &p| sum.join(&boxes[p as usize]));
-        let fitted: Vec<(Fitted, Fitted)> = all
+        let fitted: Vec<(Tree, Tree)> = all
             .list
             .par_iter()
             .map(|s| {

@@ -14,7 +14,7 @@ use super::normals::Normals;
 use super::surface::Surface;
 use super::{Contact, Mode};
 use crate::geometry::closest::{feature, point_triangle};
-use crate::geometry::tree::{Aabb, Fitted};
+use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -138,7 +138,7 @@ impl Contact {
     }
 
     /// Boxes of the triangle trees of all surfaces with the collision points at `p`.
-    pub(super) fn fitted(&self, p: &[Vector3<f64>]) -> Vec<Fitted> {
+    pub(super) fn fitted(&self, p: &[Vector3<f64>]) -> Vec<Tree> {
         let all = &self.surfaces;
         let fit = |s: &Surface| {
             s.triangle_tree.fit(|t| Aabb::of(&all.triangles[s.triangles.start + t as usize], p))
@@ -178,7 +178,7 @@ struct Search<'a> {
     ways: Vec<f64>,
     /// By surface: normals, boxes of the tree, and the box of all that is not too far.
     normals: Vec<Normals>,
-    fitted: Vec<Fitted>,
+    fitted: Vec<Tree>,
     boxes: Vec<Aabb>,
 }
 

@@ -5,7 +5,7 @@
 //! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
 
 use crate::geometry::closest::EDGES;
-use crate::geometry::tree::{Aabb, Fitted, Tree};
+use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -132,13 +132,12 @@ pub struct Surfaces {
     pub edge_length: f64,
 }
 
-/// The triangles of a face with corners at these places, as [`Surfaces::new`] divides it; of a triangle the last corner is there twice.
-pub fn collision_triangles([a, b, c, d]: [Vector3<f64>; 4], is_triangle: bool) -> Vec<[Vector3<f64>; 3]> {
-    if is_triangle {
-        return vec![[a, b, c]];
+/// The collision triangles of a face with these corners: four about their `mean`; of a triangle, which has none, itself.
+pub fn collision_triangles<C: Copy>([a, b, c, d]: [C; 4], mean: Option<C>) -> Vec<[C; 3]> {
+    match mean {
+        None => vec![[a, b, c]],
+        Some(mean) => vec![[a, b, mean], [b, c, mean], [c, d, mean], [d, a, mean]],
     }
-    let mean = (a + b + c + d) / 4.0;
-    vec![[a, b, mean], [b, c, mean], [c, d, mean], [d, a, mean]]
 }
 
 /// Divisions of a triangle at most.
@@ -165,20 +164,18 @@ impl Surfaces {
         let (first_point, first_triangle) = (self.points.len(), self.triangles.len());
         let mut corner_of = BTreeMap::<u32, u32>::new();
         for face in &input.faces {
-            let [a, b, c, d] = face.map(|node| {
+            let corners = face.map(|node| {
                 *corner_of.entry(node).or_insert_with(|| {
                     self.points.push(Blend::node(node));
                     self.points.len() as u32 - 1
                 })
             });
-            if c == d {
-                self.triangles.push([a, b, c]);
-            } else {
-                let centre = self.points.len() as u32;
+            let mean = (face[2] != face[3]).then(|| {
                 let parts = face.map(|node| (Blend::node(node), 0.25));
                 self.points.push(Blend::mix(&parts));
-                self.triangles.extend([[a, b, centre], [b, c, centre], [c, d, centre], [d, a, centre]]);
-            }
+                self.points.len() as u32 - 1
+            });
+            self.triangles.extend(collision_triangles(corners, mean));
         }
         self.areas.resize(self.points.len(), 0.0);
         self.corners_of.extend((first_point as u32..self.points.len() as u32).map(|p| [p; 3]));
@@ -200,8 +197,7 @@ impl Surfaces {
         let edges: Vec<Aabb> = self.edges[first_edge..].iter().map(|e| box_of(&e.points)).collect();
         let (triangle_tree, edge_tree) = (Tree::new(&triangles), Tree::new(&edges));
         let corners: Vec<_> = self.triangles[first_triangle..].iter().map(|t| t.map(at)).collect();
-        let fitted = triangle_tree.fit(|t| triangles[t as usize]);
-        self.depths.extend(depths(&corners, &fitted));
+        self.depths.extend(depths(&corners, &triangle_tree));
         self.sample_depths.resize(self.points.len(), f64::INFINITY);
         for t in first_triangle..self.triangles.len() {
             for &s in &self.triangle_samples[t] {
@@ -357,8 +353,8 @@ impl Surfaces {
 }
 
 /// Way \[m\] from the middle of each triangle into the body until it comes out of it; infinite where it never does.
-fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<f64> {
-    let whole = fitted.whole();
+fn depths(triangles: &[[Vector3<f64>; 3]], tree: &Tree) -> Vec<f64> {
+    let whole = tree.whole();
     let diagonal = (whole.hi - whole.lo).norm();
     let through = |[a, b, c]: &[Vector3<f64>; 3]| {
         let (from, inwards) = ((a + b + c) / 3.0, (c - a).cross(&(b - a)).normalize());
@@ -368,7 +364,7 @@ fn depths(triangles: &[[Vector3<f64>; 3]], fitted: &Fitted) -> Vec<f64> {
         while !(nearest <= length) && length < 2.0 * diagonal {
             length *= 2.0;
             let way = Aabb::of_way(&from, &(from + inwards * length), 0.0);
-            fitted.overlapping(&way, |t| {
+            tree.overlapping(&way, |t| {
                 if let Some(hit) = way_out(&from, &inwards, &triangles[t as usize]) {
                     nearest = nearest.min(hit);
                 }

@@ -68,11 +68,11 @@ pub fn overlap(a: &SearchSurface, b: &SearchSurface, spacing: f64) -> Result<Ove
 /// Heights z at which the vertical line through (x, y) enters and leaves the surface, in pairs \[m\].
 fn crossings(search: &SearchSurface, x: f64, y: f64) -> Vec<[f64; 2]> {
     let surface: &Surface = search.surface();
-    let whole = search.fitted.whole();
+    let whole = search.tree.whole();
     let line =
         Aabb { lo: nalgebra::Vector3::new(x, y, whole.lo.z), hi: nalgebra::Vector3::new(x, y, whole.hi.z) };
     let mut heights: Vec<f64> = Vec::new();
-    search.fitted.overlapping(&line, |t| {
+    search.tree.overlapping(&line, |t| {
         let corners = surface.corners(t as usize);
         let p = robust::Coord { x, y };
         let [a, b, c] = [&corners[0], &corners[1], &corners[2]].map(|v| flat(v, 2));

@@ -10,7 +10,7 @@ use super::Surface;
 use super::closest::Feature;
 use super::distance::{self, Closest};
 use super::intersect::{neighbours_meet, triangles_meet};
-use super::tree::{Aabb, Fitted, Tree};
+use super::tree::{Aabb, Tree};
 
 /// Triangles handled one after the other by one thread.
 const CHUNK: usize = 128;
@@ -19,8 +19,7 @@ const CHUNK: usize = 128;
 #[derive(Clone, Debug)]
 pub struct SearchSurface {
     surface: Surface,
-    tree: Tree,
-    pub(super) fitted: Fitted,
+    pub(super) tree: Tree,
 }
 
 /// Two triangles and their closest points.
@@ -39,8 +38,7 @@ impl SearchSurface {
     pub fn new(surface: Surface) -> SearchSurface {
         let boxes: Vec<Aabb> = (0..surface.triangles.len()).map(|t| box_of(&surface, t)).collect();
         let tree = Tree::new(&boxes);
-        let fitted = tree.fit(|t| boxes[t as usize]);
-        SearchSurface { surface, tree, fitted }
+        SearchSurface { surface, tree }
     }
 
     /// The surface.
@@ -54,14 +52,14 @@ impl SearchSurface {
     /// If the number of points differs.
     pub fn set_points(&mut self, points: &[[f64; 3]]) {
         self.surface.points.copy_from_slice(points);
-        self.fitted = self.tree.fit(|t| box_of(&self.surface, t as usize));
+        self.tree = self.tree.fit(|t| box_of(&self.surface, t as usize));
     }
 
     /// All pairs of triangles of this and another surface at most `d` \[m\] apart, by their numbers.
     pub fn pairs_within(&self, other: &SearchSurface, d: f64) -> Vec<Gap> {
         self.collect(|a, found| {
             let corners = self.surface.corners(a);
-            other.fitted.overlapping(&Aabb::around(corners.iter()).grown(d), |b| {
+            other.tree.overlapping(&Aabb::around(corners.iter()).grown(d), |b| {
                 let closest = distance::triangles(&corners, &other.surface.corners(b as usize));
                 if closest.distance <= d {
                     found.push(Gap { a: a as u32, b, closest });
@@ -77,7 +75,7 @@ impl SearchSurface {
             let corners = self.surface.corners(a);
             let gap = |b: u32| distance::triangles(&corners, &other.surface.corners(b as usize));
             let near = Aabb::around(corners.iter());
-            let (b, distance) = other.fitted.least(&near, f64::sqrt, limit, None, |b| gap(b).distance)?;
+            let (b, distance) = other.tree.least(&near, f64::sqrt, limit, None, |b| gap(b).distance)?;
             (distance < limit).then(|| Gap { a: a as u32, b, closest: gap(b) })
         };
         // A few triangles first, for a distance that spares most of the work.
@@ -104,7 +102,7 @@ impl SearchSurface {
     pub fn intersections(&self, other: &SearchSurface) -> Vec<(u32, u32)> {
         self.collect(|a, found| {
             let corners = self.surface.corners(a);
-            other.fitted.overlapping(&Aabb::around(corners.iter()), |b| {
+            other.tree.overlapping(&Aabb::around(corners.iter()), |b| {
                 if triangles_meet(&corners, &other.surface.corners(b as usize)) {
                     found.push((a as u32, b));
                 }
@@ -118,7 +116,7 @@ impl SearchSurface {
         self.collect(|a, found| {
             let corners = self.surface.corners(a);
             let points = self.surface.triangles[a];
-            self.fitted.overlapping(&Aabb::around(corners.iter()), |b| {
+            self.tree.overlapping(&Aabb::around(corners.iter()), |b| {
                 if b as usize > a {
                     let others = self.surface.triangles[b as usize];
                     let shared: Vec<(usize, usize)> =
@@ -135,7 +133,7 @@ impl SearchSurface {
     pub fn nearest(&self, point: &Vector3<f64>) -> Option<(Closest, u32, Feature)> {
         let found = |t: u32| distance::point_triangle(point, &self.surface.corners(t as usize));
         let distance = |t: u32| found(t).0.distance;
-        let (t, _) = self.fitted.least(&Aabb::at(point), f64::sqrt, f64::INFINITY, None, distance)?;
+        let (t, _) = self.tree.least(&Aabb::at(point), f64::sqrt, f64::INFINITY, None, distance)?;
         let (closest, part) = found(t);
         Some((closest, t, part))
     }

@@ -100,20 +100,39 @@ impl From<&BvhNode> for Aabb {
     }
 }
 
-/// The tree with the boxes of the mesh as read.
+/// A tree over primitives with their boxes.
 #[derive(Clone, Debug, Default)]
 pub struct Tree {
-    bvh: Bvh,
-}
-
-/// A tree with its boxes at one time.
-#[derive(Clone, Debug, Default)]
-pub struct Fitted {
     bvh: Bvh,
     whole: Aabb,
 }
 
-impl Fitted {
+impl Tree {
+    /// Of primitives with these boxes.
+    pub fn new(boxes: &[Aabb]) -> Tree {
+        let boxes: Vec<ParryAabb> = boxes.iter().map(ParryAabb::from).collect();
+        Tree::of(Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes))
+    }
+
+    fn of(bvh: Bvh) -> Tree {
+        let whole = bvh.root_aabb();
+        let whole = match bvh.is_empty() {
+            true => Aabb::empty(),
+            false => Aabb { lo: of_parry(whole.mins), hi: of_parry(whole.maxs) },
+        };
+        Tree { bvh, whole }
+    }
+
+    /// The tree with other boxes of its primitives.
+    pub fn fit(&self, boxes: impl Fn(u32) -> Aabb) -> Tree {
+        let mut bvh = self.bvh.clone();
+        for primitive in 0..bvh.leaf_count() {
+            bvh.update_partially_if_present(ParryAabb::from(&boxes(primitive)), primitive, 0.0);
+        }
+        bvh.refit_without_opt();
+        Tree::of(bvh)
+    }
+
     /// The box of all primitives.
     pub fn whole(&self) -> &Aabb {
         &self.whole
@@ -163,28 +182,5 @@ impl Fitted {
             |node: &BvhNode, _| of_box(Aabb::from(node).squared_distance(to)) * (1.0 - 4.0 * f64::EPSILON);
         self.bvh.find_best(best.get().1, to_box, |q, _| Some(try_one(q)));
         Some(best.get()).filter(|(q, _)| *q != u32::MAX)
-    }
-}
-
-impl Tree {
-    /// Tree over primitives with these boxes.
-    pub fn new(boxes: &[Aabb]) -> Tree {
-        let boxes: Vec<ParryAabb> = boxes.iter().map(ParryAabb::from).collect();
-        Tree { bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes) }
-    }
-
-    /// The tree with other boxes of its primitives.
-    pub fn fit(&self, boxes: impl Fn(u32) -> Aabb) -> Fitted {
-        let mut bvh = self.bvh.clone();
-        for primitive in 0..bvh.leaf_count() {
-            bvh.update_partially_if_present(ParryAabb::from(&boxes(primitive)), primitive, 0.0);
-        }
-        bvh.refit_without_opt();
-        let whole = bvh.root_aabb();
-        let whole = match bvh.is_empty() {
-            true => Aabb::empty(),
-            false => Aabb { lo: of_parry(whole.mins), hi: of_parry(whole.maxs) },
-        };
-        Fitted { bvh, whole }
     }
 }

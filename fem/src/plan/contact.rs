@@ -213,7 +213,8 @@ fn rim(user: &str, faces: &[[u32; 4]]) -> Result<Vec<[u32; 2]>, SceneError> {
 /// Refuses a face of which a collision triangle has no normal: its corners lie on a line as far as round-off of their coordinates can tell.
 fn has_area(user: &str, face: [u32; 4], mesh: &Mesh) -> Result<(), SceneError> {
     let at: [Vector3<f64>; 4] = face.map(|n| mesh.points[n as usize].into());
-    for [a, b, c] in collision_triangles(at, face[2] == face[3]) {
+    let mean = (face[2] != face[3]).then(|| at.iter().sum::<Vector3<f64>>() / 4.0);
+    for [a, b, c] in collision_triangles(at, mean) {
         let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
         let round_off = f64::EPSILON * a.amax().max(b.amax()).max(c.amax());
         // Twice the area, against that of a triangle as high as the round-off; not above it either where something is no number.

@@ -77,18 +77,17 @@ impl Flow {
         let searches: Vec<_> = tied
             .iter()
             .map(|points| {
-                let point = |i: u32| Aabb::of_way(&points[i as usize], &points[i as usize], 0.0);
-                let boxes: Vec<Aabb> = (0..points.len() as u32).map(point).collect();
-                (points, Tree::new(&boxes).fit(point))
+                let boxes: Vec<Aabb> = points.iter().map(Aabb::at).collect();
+                (points, Tree::new(&boxes))
             })
             .collect();
         let of_node = |&n: &u32| -> (Vec<f64>, u32) {
             let p = place(n as usize);
             let nearest: Vec<(u32, f64)> = searches
                 .iter()
-                .map(|(points, fitted)| {
+                .map(|(points, tree)| {
                     let squared = |i: u32| (points[i as usize] - p).norm_squared();
-                    fitted.nearest(&Aabb::at(&p), f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
+                    tree.nearest(&Aabb::at(&p), f64::MAX.sqrt(), None, squared).unwrap_or((0, f64::MAX))
                 })
                 .collect();
             let least = nearest.iter().fold(f64::MAX, |m, n| m.min(n.1));
