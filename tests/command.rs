@@ -110,12 +110,12 @@ fn reserves_are_reported_and_never_silent() {
     let output = sartorius(&["optimize", "--reserves", "1", "--out", "r", "--json"], folder.path());
     assert_eq!(output.status.code(), Some(0));
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let share = summary["largest_reserve_share"].as_f64().unwrap();
-    assert!(share > 0.0);
+    let fraction = summary["largest_reserve_share"].as_f64().unwrap();
+    assert!(fraction > 0.0);
     assert_eq!(summary["reserves"].as_array().unwrap().len(), 6);
     let output = sartorius(&["optimize", "--reserves", "1", "--out", "r"], folder.path());
     let said = text(&output.stdout);
-    assert!(said.contains(&format!("reserves carry         up to {:.0} %", 100.0 * share)), "{said}");
+    assert!(said.contains(&format!("reserves carry         up to {:.0} %", 100.0 * fraction)), "{said}");
     assert!(said.contains("hip_rotation"), "{said}");
     let table = fs::read_to_string(folder.path().join("r/reserves.csv")).unwrap();
     assert!(table.starts_with("time_s,hip_flexion_Nm"), "{}", &table[..60]);

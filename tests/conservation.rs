@@ -2,7 +2,7 @@
 
 #![allow(non_snake_case)]
 
-use fem::effect::{NO_NODE, Part, State};
+use fem::effect::{EffectKind, NO_NODE, State};
 use fem::measure::{Cut, body_wrenches, nodal_forces, section_force, support_wrench};
 use fem::mesh::generate;
 use fem::scene::*;
@@ -117,7 +117,7 @@ fn every_cut_of_a_contracting_bar_carries_its_end_force() {
         let cut = Cut { point: [x, 0.0, 0.0], normal: [1.0, 0.0, 0.0], effects: vec![] };
         let section = section_force(&plan, frame.snapshot(), &cut);
         let (total, fibre) =
-            (section.along([1.0, 0.0, 0.0]), section.part_along(Part::Fibre, [1.0, 0.0, 0.0]));
+            (section.along([1.0, 0.0, 0.0]), section.along_of(EffectKind::Fibre, [1.0, 0.0, 0.0]));
         println!("cut at {x} m: total {total:.9} N, fibre {fibre:.9} N, {} nodes", section.n_nodes);
         assert!((total - exact).abs() < 1e-4 * exact, "cut at {x} m: {total} N instead of {exact} N");
         assert!((fibre - exact).abs() < 1e-4 * exact, "cut at {x} m: the fibres carry {fibre} N");

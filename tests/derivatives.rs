@@ -570,10 +570,10 @@ fn isotropic_tangents_are_lifted_in_principal_directions() {
         }
         full[9][9] = m.p_theta;
         let scale = full.as_flattened().iter().fold(0.0_f64, |s, v| s.max(v.abs()));
-        let share = [1.0, 0.25, 0.0][sample / 7 % 3];
-        changed += usize::from(fem::element::psd::lift(&mut full, share));
+        let fraction = [1.0, 0.25, 0.0][sample / 7 % 3];
+        changed += usize::from(fem::element::psd::lift(&mut full, fraction));
         let psi = law.by_invariants(&F, (!is_plain).then_some(theta)).expect("an isotropic law");
-        let (A, P_theta, p_theta) = lifted_tangent(&F, &psi, p, share).expect("F is not flat");
+        let (A, P_theta, p_theta) = lifted_tangent(&F, &psi, p, fraction).expect("F is not flat");
         for c in 0..9 {
             for r in 0..9 {
                 let away = (full[c][r] - A[r / 3][c / 3][3 * (r % 3) + c % 3]).abs();

@@ -445,8 +445,8 @@ fn missing_frames_stay_missing_and_poison_nobody() {
     }
     close("one-sided difference", result.fibre_velocity[(9, 0)], whole.fibre_velocity[(9, 0)], 2e-3);
     assert_eq!(result.fibre_velocity[(11, 0)], 0.0);
-    assert_eq!((result.shares[0].n_samples, result.shares[1].n_samples), (28, 30));
-    close("lone frames", result.shares[0].without_velocity, 1.0 / 28.0, 1e-15);
+    assert_eq!((result.fractions[0].n_samples, result.fractions[1].n_samples), (28, 30));
+    close("lone frames", result.fractions[0].without_velocity, 1.0 / 28.0, 1e-15);
     close("lone frames, all", result.overall.without_velocity, 1.0 / 58.0, 1e-15);
     let still = run(&lengths, &holed, FibreVelocity::Isometric);
     assert_eq!((still.fibre_velocity[(5, 0)], still.overall.without_velocity), (0.0, 0.0));
@@ -471,13 +471,13 @@ fn clipping_and_limits_are_counted_where_they_happen() {
     let settings =
         Settings { tendon: Tendon::Rigid, velocity: FibreVelocity::Isometric, ..Default::default() };
     let result = activations(&units, &lengths, &forces, 100.0, &settings).unwrap();
-    let shares = result.shares[0];
-    assert_eq!(shares, result.overall);
-    assert_eq!(shares.n_samples, 6);
-    close("below zero", shares.below_zero, 1.0 / 6.0, 1e-15);
-    close("limited", shares.length_limited, 3.0 / 6.0, 1e-15);
+    let fractions = result.fractions[0];
+    assert_eq!(fractions, result.overall);
+    assert_eq!(fractions.n_samples, 6);
+    close("below zero", fractions.below_zero, 1.0 / 6.0, 1e-15);
+    close("limited", fractions.length_limited, 3.0 / 6.0, 1e-15);
     let above = result.unclipped.iter().filter(|a| **a > 1.0).count() as f64;
-    close("above one", shares.above_one, above / 6.0, 1e-15);
+    close("above one", fractions.above_one, above / 6.0, 1e-15);
     assert!(result.unclipped[(0, 0)] < 0.0 && result.activation[(0, 0)] == 0.0);
     assert!(result.unclipped[(1, 0)] > 1.0 && result.activation[(1, 0)] == 1.0);
     assert_eq!([2, 3, 4].map(|i| result.fibre_length[(i, 0)]), [0.4, 1.6, 0.4]);
@@ -590,14 +590,14 @@ fn fibres_work_in_their_range_in_the_reference_gait() {
     let (lengths, rate) = reference_gait();
     let units = &MusculotendonModel::generic().units;
     for (name, curves) in [CURVES[0], CURVES[4]] {
-        let run = |tendon: Tendon, share: f64| {
-            let forces = DMatrix::from_fn(lengths.nrows(), N_MUSCLES, |_, m| share * units[m].f_max);
+        let run = |tendon: Tendon, fraction: f64| {
+            let forces = DMatrix::from_fn(lengths.nrows(), N_MUSCLES, |_, m| fraction * units[m].f_max);
             let settings = Settings { curves, tendon, velocity: FibreVelocity::LowPass { cutoff_hz: 5.0 } };
             let result = activations(units, &lengths, &forces, rate, &settings).unwrap();
             let middle = |x: &DMatrix<f64>| x.rows(100, 100).into_owned();
             let (L, V) = (middle(&result.fibre_length), middle(&result.fibre_velocity));
             let ((L0, L1), (V0, V1)) = (range(&L), range(&V));
-            println!("{name}, {tendon:?}, {share} f_max: L {L0:.3}..{L1:.3}, V {V0:.3}..{V1:.3}");
+            println!("{name}, {tendon:?}, {fraction} f_max: L {L0:.3}..{L1:.3}, V {V0:.3}..{V1:.3}");
             assert_eq!(result.overall.length_limited, 0.0);
             assert!(V0 > -0.36 && V1 < 0.36, "{name}, {tendon:?}: V {V0}..{V1}");
             L

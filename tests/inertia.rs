@@ -265,7 +265,7 @@ fn inertia_is_the_derivative_of_its_energy() {
         k.multiply(&dx, &mut kx);
         let kx = 1e-3 * dot(&kx, &dy);
         worst_K = worst_K.min(taylor_order(|h| dot(&gradient(&potential, &at(h)), &dy), kx, 1e-2));
-        // A step a tenth as long: a hundred times the stiffness, and the solid's share is as it was.
+        // A step a tenth as long: a hundred times the stiffness, and the solid's fraction is as it was.
         let (shorter, _) = over(1e-4);
         let mut k_short = BlockMatrix::zeros(shorter.pattern().clone());
         shorter.hessian(&x, 0.0, &mut k_short);

@@ -95,7 +95,7 @@ fn as_in_contact(block: &mesher::MuscleBlock) -> Reading {
     };
     let all = Surfaces::new(&[input], &x);
     let nodes =
-        |t: &[u32; 3]| t.iter().flat_map(|&p| all.points[p as usize].parts().map(|part| part.0)).collect();
+        |t: &[u32; 3]| t.iter().flat_map(|&p| all.points[p as usize].weighted_nodes().map(|w| w.0)).collect();
     let triangles = all.triangles.iter().map(nodes).collect();
     let points = all.positions(&x).into_iter().map(Into::into).collect();
     (SearchSurface::new(Surface { points, triangles: all.triangles }), triangles)

@@ -1,6 +1,6 @@
 //! A term of a user's own, a spring between two nodes: is it one file, and does the solver balance it?
 
-use fem::effect::{Effect, Groups, Part, State};
+use fem::effect::{Effect, EffectKind, Groups, State};
 use fem::mesh::generate;
 use fem::plan::{Builder, LoadedIsland, Plan, Term};
 use fem::scene::Scene;
@@ -58,7 +58,7 @@ fn sprung(stiffness: f64) -> (Plan, [u32; 2], f64) {
     let [a, b] = ends.map(|n| Vector3::from(mesh.points[n as usize]));
     let rest = (b - a).norm() - 5e-3;
     let spring = move |name: &str, nodes: &[u32]| {
-        let groups = Groups::new(name, Part::Fibre, &[[nodes[0], nodes[1]]], vec![[0.01; 3]]);
+        let groups = Groups::new(name, EffectKind::Fibre, &[[nodes[0], nodes[1]]], vec![[0.01; 3]]);
         Box::new(Spring { groups, stiffness, rest }) as Box<dyn Effect>
     };
     let mut scene = Scene::default();

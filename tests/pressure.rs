@@ -126,7 +126,7 @@ fn whole(n: usize) -> (Scene, Mesh) {
 }
 
 /// Relative errors of the inner radius and of the force on the end.
-fn errors((scene, mesh): (Scene, Mesh), stretch: f64, pressure: f64, share: f64) -> [f64; 2] {
+fn errors((scene, mesh): (Scene, Mesh), stretch: f64, pressure: f64, fraction: f64) -> [f64; 2] {
     let plan = plan(&scene, &mesh);
     let pull = (stretch - 1.0) * LENGTH;
     let frame = solve(&plan, &[("p", pressure), ("pull", pull)], &tolerance(1e-8));
@@ -136,7 +136,7 @@ fn errors((scene, mesh): (Scene, Mesh), stretch: f64, pressure: f64, share: f64)
     let tube = Tube { stretch };
     let exact = tube.inner_radius(pressure);
     let force = support_wrench(&plan, frame.snapshot(), &mesh.node_sets["z_max"], [0.0; 3]).force[2];
-    [ours / exact - 1.0, force / (share * tube.axial_force(exact)) - 1.0]
+    [ours / exact - 1.0, force / (fraction * tube.axial_force(exact)) - 1.0]
 }
 
 #[test]
@@ -207,9 +207,9 @@ fn by_hand(faces: &[[u32; 4]], x: &[f64], pressure: f64) -> Vec<(u32, [f64; 3])>
             let along = (b - a) * (1.0 - t) + (c - d) * t;
             let up = (d - a) * (1.0 - s) + (c - b) * s;
             let force = -along.cross(&up) * (pressure / (RASTER * RASTER) as f64);
-            let shares = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
-            for (&n, share) in face.iter().zip(shares) {
-                *loads.entry(n).or_insert_with(Vector3::zeros) += force * share;
+            let fractions = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
+            for (&n, fraction) in face.iter().zip(fractions) {
+                *loads.entry(n).or_insert_with(Vector3::zeros) += force * fraction;
             }
         }
     }

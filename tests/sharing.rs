@@ -147,7 +147,7 @@ fn a_bound_that_no_tensions_satisfy_is_named() {
 
 /// min f²/2 + w s²/2 with 0.05 f + s = 20: s = 20 / (1 + 0.05² w).
 #[test]
-fn reserves_take_their_share_and_report_it() {
+fn reserves_take_their_fraction_and_report_it() {
     let problem =
         SharingProblem { w_s: Some(DVector::from_element(1, 100.0)), ..knee(&[0.05], &[1e4], 20.0) };
     let answer = solve(&problem);

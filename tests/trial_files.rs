@@ -179,7 +179,7 @@ fn recorded_cycles_agree_with_the_events() {
         // no contact in swing, weight in stance: the samples are those of the right foot
         let at = |t: f64| trial.ground.force[trial.ground.time.partition_point(|s| *s < t)].y;
         let weight = 9.81 * trial.subject.mass;
-        let middle = |share: f64| times[0] + share * (times[1] - times[0]);
+        let middle = |fraction: f64| times[0] + fraction * (times[1] - times[0]);
         assert!((0.6..1.2).contains(&(at(middle(0.3)) / weight)), "{name}: {}", at(middle(0.3)));
         assert!(at(middle(0.8)).abs() < 20.0, "{name}: {}", at(middle(0.8)));
     }

@@ -86,13 +86,13 @@ fn sewn_heads_are_one_unit_and_none_takes_all() {
         );
     }
     assert!(coupling.shortcomings.is_empty(), "{:?}", coupling.shortcomings);
-    let shares = |forces: &[f64]| {
+    let fractions = |forces: &[f64]| {
         let sum: f64 = quadriceps.iter().map(|&m| forces[m]).sum();
         quadriceps.iter().map(|&m| forces[m] / sum).collect::<Vec<_>>()
     };
     // One-way 0.54, 0.11 and 0.35 of medialis, intermedius and lateralis; with lever arms of single heads lateralis had 0.0004.
     for forces in [&last.wanted[1], &last.found[1]] {
-        for (one, two) in shares(&first.wanted[1]).iter().zip(shares(forces)) {
+        for (one, two) in fractions(&first.wanted[1]).iter().zip(fractions(forces)) {
             assert!(two > 0.5 * one - 1e-3, "one-way {first:?}, two-way {last:?}");
         }
     }

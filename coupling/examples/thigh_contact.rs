@@ -36,10 +36,10 @@ const RESIDUAL: f64 = 10.0;
 const BELT: [f64; 3] = [0.04, 0.003, 0.001];
 /// Corners of the belt.
 const CORNERS: usize = 48;
-/// Share of its girth by which it is drawn in.
+/// Fraction of its girth by which it is drawn in.
 const SQUEEZE: f64 = 0.1;
 
-/// A state to be reached: its name, activation of all muscles, bones where the hip and knee are flexed, share of the belt's way.
+/// A state to be reached: its name, activation of all muscles, bones where the hip and knee are flexed, fraction of the belt's way.
 struct Goal {
     name: &'static str,
     activation: f64,

@@ -37,8 +37,8 @@ impl StepName {
         }
     }
 
-    /// Share of the reported frames.
-    fn share(self) -> f64 {
+    /// Fraction of the reported frames.
+    fn fraction(self) -> f64 {
         match self {
             StepName::HeelStrike => 0.0,
             StepName::LoadingResponse => 0.12,
@@ -143,7 +143,7 @@ pub fn rigid_step(
     name: StepName,
 ) -> Result<RigidStep, String> {
     let n = done.effort.time.len();
-    let row = ((n - 1) as f64 * name.share()).round() as usize;
+    let row = ((n - 1) as f64 * name.fraction()).round() as usize;
     let frame = done.motion.report.start + row;
     let time = done.effort.time[row];
     if let Some(why) = &done.motion.fit[frame].failure {

@@ -21,21 +21,21 @@ type Error = Box<dyn std::error::Error>;
 fn main() -> Result<(), Error> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| "out/gallery".into());
     let folder = Path::new(&folder);
-    let shares = || (0..=10).map(|i| 0.1 * f64::from(i));
+    let fractions = || (0..=10).map(|i| 0.1 * f64::from(i));
 
     let (scene, mesh) = squashed_block(10);
     simulate(folder, "squash", &scene, mesh, |plan| {
-        shares().map(|s| plan.load(&[("c", 0.5 * s)], &[])).collect()
+        fractions().map(|s| plan.load(&[("c", 0.5 * s)], &[])).collect()
     })?;
 
     let (scene, mesh) = twisted_cylinder(8, 2, 20);
     simulate(folder, "twist", &scene, mesh, |plan| {
-        shares().map(|s| plan.load(&[], &[("end", turned(1.5 * PI * s))])).collect()
+        fractions().map(|s| plan.load(&[], &[("end", turned(1.5 * PI * s))])).collect()
     })?;
 
     let (scene, mesh) = fibre_bar(1, FibreStrain::Engineering, Ends::Free);
     let bar = simulate(folder, "contraction", &scene, mesh, |plan| {
-        shares().map(|s| plan.load(&[("a", s)], &[])).collect()
+        fractions().map(|s| plan.load(&[("a", s)], &[])).collect()
     })?;
     let length = bar.chunks_exact(3).map(|p| p[0]).fold(0.0, f64::max);
     assert!((length / 0.1 - 0.8253).abs() < 5e-4, "the bar is {length} m long");

@@ -3,7 +3,7 @@
 /// Pose of a body: the map of its points from the mesh as read to where they are \[m\].
 pub type Pose = nalgebra::Isometry3<f64>;
 
-/// The pose a share `t` of the way from `a` to `b`: the rotation about one axis at constant rate, the point `about`
+/// The pose a fraction `t` of the way from `a` to `b`: the rotation about one axis at constant rate, the point `about`
 /// (in the mesh as read, m) on a straight line.
 pub fn interpolate(a: &Pose, b: &Pose, about: nalgebra::Point3<f64>, t: f64) -> Pose {
     let between = (b.rotation * a.rotation.inverse()).scaled_axis();

@@ -265,8 +265,8 @@ impl Drive {
             return Some(to.load.clone());
         }
         let from = &self.frames[after.checked_sub(1)?];
-        let share = (time - from.time) / (to.time - from.time);
-        Some(from.load.towards(&to.load, &plan.pivots, share))
+        let fraction = (time - from.time) / (to.time - from.time);
+        Some(from.load.towards(&to.load, &plan.pivots, fraction))
     }
 
     /// The same drive with frames in between, evenly, so that none is more than `longest` \[s\] after the one before.

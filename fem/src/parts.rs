@@ -46,11 +46,11 @@ pub const PARTS: [&str; 6] = ["solids", "fibres", "membranes", "strands", "bones
 fn part_of(plan: &Plan, block: &CellBlock, beside: &Beside) -> usize {
     let name = &block.name;
     let mut effects = plan.islands.iter().flat_map(|island| &island.effects);
-    match effects.find(|e| e.name() == name).map(|e| e.part()) {
-        Some(effect::Part::Matrix) => 0,
-        Some(effect::Part::Fibre) if plan.strands.contains(name) => 3,
-        Some(effect::Part::Fibre) => 1,
-        Some(effect::Part::Membrane) => 2,
+    match effects.find(|e| e.name() == name).map(|e| e.kind()) {
+        Some(effect::EffectKind::Matrix) => 0,
+        Some(effect::EffectKind::Fibre) if plan.strands.contains(name) => 3,
+        Some(effect::EffectKind::Fibre) => 1,
+        Some(effect::EffectKind::Membrane) => 2,
         _ if beside.bones.iter().any(|b| &b.name == name) => 4,
         _ => 5,
     }

@@ -96,7 +96,7 @@ impl Run {
         self.frames.last()
     }
 
-    /// Where the residual is the largest share of the forces in play, of all solved frames; none where nothing could move.
+    /// Where the residual is the largest fraction of the forces in play, of all solved frames; none where nothing could move.
     pub fn worst(&self) -> Option<Worst<'_>> {
         let of = |(frame, f): (usize, &'_ Frame)| f.worst().map(|(island, _)| (frame, island));
         let places = self.frames.iter().enumerate().filter_map(of);

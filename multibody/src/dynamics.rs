@@ -63,8 +63,8 @@ pub fn ground_loads(ground: &GroundReaction, times: &[f64], filters: &Filters) -
         .map(|&t| {
             let after = ground.time.partition_point(|&s| s <= t).clamp(1, n - 1);
             let (t0, t1) = (ground.time[after - 1], ground.time[after]);
-            let share = ((t - t0) / (t1 - t0)).clamp(0.0, 1.0);
-            let at = |series: &[Vector3<f64>]| series[after - 1].lerp(&series[after], share);
+            let fraction = ((t - t0) / (t1 - t0)).clamp(0.0, 1.0);
+            let at = |series: &[Vector3<f64>]| series[after - 1].lerp(&series[after], fraction);
             let load = GroundLoad { force: at(&force), moment: at(&moment) };
             if load.force.y.abs() < filters.contact_threshold { GroundLoad::default() } else { load }
         })

@@ -16,7 +16,7 @@ use crate::trial::{Sex, Trial};
 const PATELLA_LENGTH: f64 = 0.021;
 const PATELLA_MASS: f64 = 0.0975;
 
-/// Share of the reported frames in which the foot of a walker is flat on the floor.
+/// Fraction of the reported frames in which the foot of a walker is flat on the floor.
 pub(crate) const FLAT_FOOT: std::ops::RangeInclusive<f64> = 0.15..=0.45;
 
 /// Which ankle the model has.
@@ -302,8 +302,8 @@ fn neutral_foot(
     let start = trial.report.start as f64;
     let length = trial.report.len() as f64;
     let flat = |k: &usize| {
-        let share = (postures[*k].0 as f64 - start) / length;
-        FLAT_FOOT.contains(&share)
+        let fraction = (postures[*k].0 as f64 - start) / length;
+        FLAT_FOOT.contains(&fraction)
     };
     let mut sum: Matrix3<f64> = (0..postures.len()).filter(flat).map(&foot_in_shank).sum();
     if sum.norm() == 0.0 {

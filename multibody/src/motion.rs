@@ -15,10 +15,10 @@ use crate::natural::{Coordinates, N_COORDINATES};
 use crate::tangent::Tangent;
 use crate::trial::{Filters, FitVerdict, Motion, Table, Trial};
 
-/// Failed frames are bridged by their interpolated postures where they last no longer than this share of a period of the
+/// Failed frames are bridged by their interpolated postures where they last no longer than this fraction of a period of the
 /// cut-off. On recorded walking, with gaps of 6 to 36 frames at four places, bridging disturbs the joint forces of the fitted
 /// frames less than the ends of a cut series do up to this length, and more beyond it.
-const BRIDGED_SHARE: f64 = 0.75;
+const BRIDGED_FRACTION: f64 = 0.75;
 /// Fitted frames in a row that a second derivative needs.
 const LEAST_STRETCH: usize = 3;
 
@@ -78,7 +78,7 @@ fn period(time: &[f64], filters: &Filters) -> f64 {
 
 /// Longest gap \[frames\] that is bridged.
 fn bridged(time: &[f64], filters: &Filters) -> usize {
-    (BRIDGED_SHARE * period(time, filters)) as usize
+    (BRIDGED_FRACTION * period(time, filters)) as usize
 }
 
 /// Frames on either side of a gap whose accelerations feel it: half a period of the cut-off.

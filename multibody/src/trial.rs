@@ -224,7 +224,7 @@ pub struct Verdict {
     pub iterations: u32,
     /// Bounds that hold with a positive multiplier.
     pub active_bounds: usize,
-    /// Share of the required moment that reserves carry, 0..1.
+    /// Fraction of the required moment that reserves carry, 0..1.
     pub reserve_share: f64,
     /// Coordinates that lack moment (infeasible frames).
     pub shortfall: Vec<Shortfall>,

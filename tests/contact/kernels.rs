@@ -134,11 +134,11 @@ fn hessians_are_lifted_on_the_directions_that_they_are_made_of() {
             // Features that are counted once too often have a negative scale.
             let scale = if sample % 5 == 0 { -3.0 } else { 3.0 };
             let term = Stencil { law, scale, ..stencil(closest, &x, 1.5 * d, edges) };
-            let share = [1.0, 0.25][sample % 2];
+            let fraction = [1.0, 0.25][sample % 2];
             let mut expected = term.hessian(&x);
             let largest = expected.as_flattened().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-            changed[kind] += usize::from(fem::element::psd::lift(&mut expected, share));
-            let lifted = term.lifted_hessian(&x, share);
+            changed[kind] += usize::from(fem::element::psd::lift(&mut expected, fraction));
+            let lifted = term.lifted_hessian(&x, fraction);
             for (a, b) in lifted.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!(
                     (a - b).abs() <= 1e-8 * largest,
@@ -221,7 +221,7 @@ fn gradient_and_hessian_of_every_kind_of_pair_are_derivatives() {
 }
 
 #[test]
-fn no_pair_passes_through_within_the_share_it_may_go() {
+fn no_pair_passes_through_within_the_fraction_it_may_go() {
     let mut random = Random::new(3);
     let mut limited = 0;
     for edges in [false, true] {
@@ -230,24 +230,25 @@ fn no_pair_passes_through_within_the_share_it_may_go() {
             let size = [0.1, 1.0, 100.0][sample % 3];
             let to: Points = std::array::from_fn(|i| from[i] + random.vector(size));
             let distance = |x: &Points| if edges { edge_edge(x) } else { point_triangle(x) }.squared().sqrt();
-            let share = if edges {
+            let fraction = if edges {
                 edge_edge_step(&from, &to, tenth)
             } else {
                 point_triangle_step(&from, &to, tenth)
             };
-            assert!((0.0..=1.0).contains(&share));
+            assert!((0.0..=1.0).contains(&fraction));
             let at = |t: f64| -> Points { std::array::from_fn(|i| from[i] + (to[i] - from[i]) * t) };
             // The signed volume of the four points changes sign where the pair passes through.
-            let least = (0..=500).map(|k| distance(&at(share * k as f64 / 500.0))).fold(f64::MAX, f64::min);
+            let least =
+                (0..=500).map(|k| distance(&at(fraction * k as f64 / 500.0))).fold(f64::MAX, f64::min);
             assert!(least >= 0.09 * distance(&from), "{least} of {}", distance(&from));
-            limited += usize::from(share < 1.0);
+            limited += usize::from(fraction < 1.0);
         }
     }
     assert!(limited > 100, "{limited} pairs would have come too close");
     // Straight through the middle: stops before, at nearly the full way.
     let through = |z: f64| -> Points { [V::new(0.3, 0.3, z), V::zeros(), V::x(), V::y()] };
-    let share = point_triangle_step(&through(1.0), &through(-1.0), tenth);
-    assert!((0.44..0.5).contains(&share), "{share}");
+    let fraction = point_triangle_step(&through(1.0), &through(-1.0), tenth);
+    assert!((0.44..0.5).contains(&fraction), "{fraction}");
 }
 
 /// What is behind a face is the body, not what stands across a notch: a comb of cubes, whose faces look at each other.

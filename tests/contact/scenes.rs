@@ -42,7 +42,7 @@ fn softened_contact_has_exact_derivatives_in_penetrations() {
     }
 }
 
-/// Shares of the activation distance below which softened contact is sampled at corners, and at all samples.
+/// Fractions of the activation distance below which softened contact is sampled at corners, and at all samples.
 const SAMPLED_DIFFERENTLY: [f64; 2] = [0.3, 0.1];
 
 /// The same of cheap contact, with samples of open surfaces beside each other's rims.
@@ -384,10 +384,10 @@ fn stacked_blocks_carry_the_uniaxial_force() {
 fn a_block_falls_onto_another_under_a_load_alone() {
     let (mut scene, mesh) = two_blocks(B06, 2e-3, blocks_contact());
     let top = &mesh.node_sets["upper_z_max"];
-    let share = -0.2 / top.len() as f64;
+    let force = -0.2 / top.len() as f64;
     scene.forces.push(ForceSpec {
         name: "weight".to_string(),
-        loads: top.iter().map(|&n| (n, [0.0, 0.0, share])).collect(),
+        loads: top.iter().map(|&n| (n, [0.0, 0.0, force])).collect(),
         control: "load".to_string(),
     });
     let plan = plan(&scene, &mesh);

@@ -21,8 +21,8 @@ pub struct Run {
 pub struct Command {
     /// Its words after the name of the program.
     pub words: Vec<String>,
-    /// In which share of the runs.
-    pub share: f64,
+    /// In which fraction of the runs.
+    pub fraction: f64,
     /// What a message may name in place of the damaged file.
     pub names: Vec<&'static str>,
     /// Only where the command before refused the file: what is good would take long.
@@ -71,10 +71,10 @@ pub fn all() -> Vec<Kind> {
     ]
 }
 
-fn command(line: &str, share: f64) -> Command {
+fn command(line: &str, fraction: f64) -> Command {
     Command {
         words: line.split(' ').map(str::to_string).collect(),
-        share,
+        fraction,
         names: Vec::new(),
         if_refused: false,
     }

@@ -87,7 +87,7 @@ fn fuzz(kind: &Kind, arguments: &Arguments) -> usize {
         std::fs::write(&file, &bytes).expect("written");
         let mut refused = false;
         for command in &base.commands {
-            let wanted = run < bases.len() || random.chance(command.share);
+            let wanted = run < bases.len() || random.chance(command.fraction);
             if !wanted || command.if_refused && !refused {
                 continue;
             }

@@ -250,9 +250,9 @@ fn wide_fine(make: Blocks) -> Outcome {
         let n = B06.map(|n| n.map(|n| finer * n));
         let slid = slide_over(n, ContactMode::Guarded, 2e-3, &ways, make)
             .map_err(|e| format!("{finer} times as many cells: {e}"))?;
-        let shares: Vec<f64> = slid.iter().map(|s| s.force[0] / s.force[1]).collect();
-        let mean = shares.windows(2).map(|s| 0.5 * (s[0] + s[1])).sum::<f64>() / STEPS as f64;
-        Ok([shares.iter().fold(0.0, |m, s| s.abs().max(m)), mean])
+        let fractions: Vec<f64> = slid.iter().map(|s| s.force[0] / s.force[1]).collect();
+        let mean = fractions.windows(2).map(|s| 0.5 * (s[0] + s[1])).sum::<f64>() / STEPS as f64;
+        Ok([fractions.iter().fold(0.0, |m, s| s.abs().max(m)), mean])
     };
     let ([coarse, coarse_mean], [fine, fine_mean]) = (force(1)?, force(2)?);
     let text = format!(
@@ -331,7 +331,7 @@ fn work(mode: ContactMode) -> Outcome {
     if holds { Ok(text) } else { Err(text) }
 }
 
-/// Share of the normal force by which the driving force may be off.
+/// Fraction of the normal force by which the driving force may be off.
 const LOST: f64 = 5e-3;
 
 fn work_guarded() -> Outcome {

@@ -343,8 +343,8 @@ fn twist() -> Outcome {
     };
     let (stretching, turns, per_turn) = (100, 10, 50);
     for i in 1..=stretching {
-        let share = 0.5 * (1.0 - (TAU * i as f64 / stretching as f64).cos());
-        add_frame(4.0 * 0.06 * share, 0.0)?;
+        let fraction = 0.5 * (1.0 - (TAU * i as f64 / stretching as f64).cos());
+        add_frame(4.0 * 0.06 * fraction, 0.0)?;
     }
     for i in 1..=turns * per_turn {
         add_frame(0.0, i as f64 * TAU / per_turn as f64)?;

@@ -158,11 +158,11 @@ fn slowly() -> Outcome {
         let n = 40;
         let down = |t: f64| vec![("down", 4e-3 * t / duration)];
         let out = guarded(&plan, &timed(&plan, duration / n as f64, n, down), &Settings::default())?;
-        let share = |frame: &Frame| {
+        let fraction = |frame: &Frame| {
             let kinetic = kinetic_energy(&plan, &frame.v);
             kinetic / (total_energy(&plan, frame) - kinetic)
         };
-        let fast = out.frames[n / 10..].iter().map(share).fold(0.0, f64::max);
+        let fast = out.frames[n / 10..].iter().map(fraction).fold(0.0, f64::max);
         let last = out.last().expect("solved");
         let force =
             support_wrench(&plan, last.snapshot(), &plan.mesh.node_sets["upper_z_max"], [0.0; 3]).force[2];

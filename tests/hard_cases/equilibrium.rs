@@ -51,8 +51,11 @@ fn bonded(mesh: Mesh, law: LawSpec, uz: f64) -> Plan {
 
 pub(super) fn steps(plan: &Plan, count: usize) -> Drive {
     let frame = |i: usize| {
-        let share = i as f64 / count as f64;
-        DriveFrame { time: share, load: plan.load(&[("load", share)], &[]).expect("the control exists") }
+        let fraction = i as f64 / count as f64;
+        DriveFrame {
+            time: fraction,
+            load: plan.load(&[("load", fraction)], &[]).expect("the control exists"),
+        }
     };
     Drive { frames: (1..=count).map(frame).collect() }
 }
@@ -87,8 +90,8 @@ fn slivers() -> Outcome {
         let node = |i: usize, j: usize, k: usize| i + 5 * (j + 5 * k);
         let (p, q) = (node(2, 2, 2), node(3, 2, 2));
         let [from, to] = [mesh.points[p], mesh.points[q]];
-        let share = 10f64.powi(-exponent);
-        mesh.points[p] = std::array::from_fn(|c| to[c] + share * (from[c] - to[c]));
+        let fraction = 10f64.powi(-exponent);
+        mesh.points[p] = std::array::from_fn(|c| to[c] + fraction * (from[c] - to[c]));
         let plan = bonded(mesh, tissue(30e3, 0.49), -0.2 * 0.02);
         let run = go(&plan, 1, &Settings::default());
         match run.errors.first() {

@@ -43,8 +43,8 @@ fn cooks_membrane() -> Outcome {
         let law = LawSpec::NeoHookeanUncoupled { mu, bulk };
         let spec = SolidSpec { formulation: Some(formulation), ..solid(&name, law) };
         let edge = &mesh.node_sets["x_max"];
-        let share = [0.0, 20.0 / edge.len() as f64, 0.0]; // 20 N: moderate bending on every mesh
-        let loads = edge.iter().map(|&n| (n, share)).collect();
+        let force = [0.0, 20.0 / edge.len() as f64, 0.0]; // 20 N: moderate bending on every mesh
+        let loads = edge.iter().map(|&n| (n, force)).collect();
         let flat = |set: &str| PrescribedSpec { components: [false, false, true], ..held(set) };
         let all: Vec<u32> = (0..mesh.points.len() as u32).collect();
         let mut mesh = mesh;

@@ -19,7 +19,7 @@ pub struct Judge<'a> {
     x: Vec<f64>,
     v: Vec<f64>,
     load: Load,
-    /// Worst residual of what was called solved, as a share of what was asked for.
+    /// Worst residual of what was called solved, as a fraction of what was asked for.
     pub worst: f64,
     /// Whether the last good state of a frame that failed has an inverted cell, where a law allows that. Nobody calls it solved.
     pub inverted: bool,
@@ -128,13 +128,13 @@ impl Judge<'_> {
     fn check_island(&mut self, judgement: &Judgement, what: &str, tolerance: f64, counts: bool) {
         let Judgement { residual, scale, least_det, .. } = judgement;
         let wanted = tolerance * scale.max(self.settings.least_force);
-        let share = if *residual == 0.0 { 0.0 } else { residual / wanted };
+        let fraction = if *residual == 0.0 { 0.0 } else { residual / wanted };
         if counts {
-            self.worst = self.worst.max(share);
+            self.worst = self.worst.max(fraction);
         }
-        if !(share <= 1.0) {
+        if !(fraction <= 1.0) {
             self.mistakes.push(format!(
-                "{what}, but the residual is {residual:.2e} N of {scale:.2e} N in play, {share:.2e} of what was asked"
+                "{what}, but the residual is {residual:.2e} N of {scale:.2e} N in play, {fraction:.2e} of what was asked"
             ));
         }
         if !(*least_det > 0.0) {

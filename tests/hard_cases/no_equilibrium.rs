@@ -195,13 +195,13 @@ fn pulled_bar() -> Outcome {
     let pull = |asked: &[f64]| {
         let mesh = generate::block([6, 2, 2], [0.06, side, side]);
         let nodes = mesh.node_sets["x_max"].clone();
-        // Shares of the end face: corners a quarter of the middle.
+        // Fractions of the end face: corners a quarter of the middle.
         let edge = |v: f64| if v == 0.0 || v == side { 0.5 } else { 1.0 };
-        let share = |n: &u32| {
+        let fraction = |n: &u32| {
             let p = mesh.points[*n as usize];
             (*n, [edge(p[1]) * edge(p[2]) / 4.0, 0.0, 0.0])
         };
-        let loads = nodes.iter().map(share).collect();
+        let loads = nodes.iter().map(fraction).collect();
         let roller = |d: usize| PrescribedSpec {
             components: std::array::from_fn(|c| c == d),
             ..held(["x_min", "y_min", "z_min"][d])
@@ -230,11 +230,11 @@ fn pulled_bar() -> Outcome {
             return Err(format!("{asked:?} N of {limit:.3} N: {errors:?}"));
         };
         let before = if done == 0 { 0.0 } else { asked[done - 1] };
-        let share = (before + why.load * (asked[done] - before)) / limit;
-        if !(0.9..1.01).contains(&share) {
-            return Err(format!("{asked:?} N: ended at {share:.3} of {limit:.3} N: {why}"));
+        let fraction = (before + why.load * (asked[done] - before)) / limit;
+        if !(0.9..1.01).contains(&fraction) {
+            return Err(format!("{asked:?} N: ended at {fraction:.3} of {limit:.3} N: {why}"));
         }
-        told.push(format!("{share:.3}"));
+        told.push(format!("{fraction:.3}"));
     }
     Ok(format!("holds {limit:.3} N; last good loads {} of it", told.join(", ")))
 }

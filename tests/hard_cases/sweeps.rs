@@ -124,8 +124,8 @@ fn squeeze() -> Outcome {
 /// Flexion per frame \[degrees\].
 const STEP: f64 = 1.0;
 
-/// Share of a signal's change that lies above ten cycles over its length (the motion is one), by the cosine transform.
-fn rapid_share(signal: &[f64]) -> f64 {
+/// Fraction of a signal's change that lies above ten cycles over its length (the motion is one), by the cosine transform.
+fn rapid_fraction(signal: &[f64]) -> f64 {
     let n = signal.len();
     let power = |k: usize| -> f64 {
         let sum: f64 = (0..n).map(|i| signal[i] * (PI * k as f64 * (i as f64 + 0.5) / n as f64).cos()).sum();
@@ -156,7 +156,7 @@ fn groove(mode: ContactMode) -> Outcome {
     };
     let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
     // A patella of 24 x 20 x 12 mm above α = 20 degrees, more curved across than the groove, nearly flat along it. Its cells are 1 mm
-    // wide: with 3.3 mm the facets of its back are so large that it rocks from one to the next (rapid share of its turn 6 %).
+    // wide: with 3.3 mm the facets of its back are so large that it rocks from one to the next (rapid fraction of its turn 6 %).
     let start = 20f64.to_radians();
     let along = [-start.sin(), 0.0, start.cos()];
     let patella = generate::mapped([10, 20, 2], |s| {
@@ -225,23 +225,23 @@ fn groove(mode: ContactMode) -> Outcome {
         pairs.iter().map(|p| Vector3::from(p.wrench.force).norm()).sum()
     };
     let forces: Vec<f64> = out.frames.iter().map(force).collect();
-    let chatter = rapid_share(&forces);
+    let chatter = rapid_fraction(&forces);
     // Of the six coordinates those that move by a tenth of a millimetre or half a degree.
     let coordinate = |c: usize| -> Vec<f64> { motions.iter().map(|m| m[c]).collect() };
     let range =
         |s: &[f64]| s.iter().fold(f64::MIN, |m, v| m.max(*v)) - s.iter().fold(f64::MAX, |m, v| m.min(*v));
     let moving =
         (0..6).map(coordinate).enumerate().filter(|(c, s)| range(s) > if *c < 3 { 1e-4 } else { 9e-3 });
-    let shares: Vec<(usize, f64)> = moving.map(|(c, s)| (c, rapid_share(&s))).collect();
-    let rough = shares.iter().map(|(_, s)| *s).fold(0.0, f64::max);
+    let fractions: Vec<(usize, f64)> = moving.map(|(c, s)| (c, rapid_fraction(&s))).collect();
+    let rough = fractions.iter().map(|(_, s)| *s).fold(0.0, f64::max);
     let text = format!(
-        "{} frames, {:.0} iterations each; contact {:.2} to {:.2} N, rapid share {:.2} %; {} of 6 coordinates move, rapid share at most {:.2} %",
+        "{} frames, {:.0} iterations each; contact {:.2} to {:.2} N, rapid fraction {:.2} %; {} of 6 coordinates move, rapid fraction at most {:.2} %",
         out.frames.len(),
         out.iterations.len() as f64 / out.frames.len() as f64,
         forces.iter().fold(f64::MAX, |m, f| m.min(*f)),
         forces.iter().fold(0.0, |m: f64, f| m.max(*f)),
         100.0 * chatter,
-        shares.len(),
+        fractions.len(),
         100.0 * rough
     );
     if chatter < 0.02 && rough < 0.02 && forces.iter().all(|f| *f > 0.0) { Ok(text) } else { Err(text) }

@@ -286,7 +286,7 @@ fn frames_that_are_not_solved_appear_in_band_and_text() {
     {
         assert!(page.contains(text), "{text}");
     }
-    assert!(page.contains("12.5"), "clipped share of gmax1");
+    assert!(page.contains("12.5"), "clipped fraction of gmax1");
     // Frames without a solution break the curves, and are hatched there and in the map of activations.
     let soleus = classed(&tags, "line").find(|a| a.get("data-name").is_some_and(|n| n == "soleus")).unwrap();
     assert_eq!(soleus["d"].matches('M').count(), 4);
@@ -336,7 +336,7 @@ fn reserves_are_announced_per_coordinate() {
     assert_eq!((s.largest_reserve_share, s.largest_reserve_share_time_s), (0.3, Some(walk.effort.time[30])));
     let hip = &s.reserves[1];
     assert_eq!((hip.coordinate.as_str(), hip.largest_Nm, hip.needed_Nm), ("hip_adduction", -15.0, 20.0));
-    assert!((hip.share - 15.0 / 50.0).abs() < 1e-12 && (hip.share_of_peak - 0.75).abs() < 1e-12);
+    assert!((hip.fraction - 15.0 / 50.0).abs() < 1e-12 && (hip.fraction_of_peak - 0.75).abs() < 1e-12);
     assert!(hip.is_much() && !s.reserves[3].is_much());
     let page = optimize_page(&walk.report());
     check_page(&page);

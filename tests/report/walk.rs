@@ -14,8 +14,8 @@ use multibody::trial::{
 };
 use nalgebra::{DMatrix, SVector, Vector3};
 
-/// Name, full name, strength \[N\] (gait2392), then what only this test needs: when the muscle peaks as a share of
-/// the cycle, and at which share of its strength.
+/// Name, full name, strength \[N\] (gait2392), then what only this test needs: when the muscle peaks as a fraction of
+/// the cycle, and at which fraction of its strength.
 #[rustfmt::skip]
 pub const MUSCLES: [(&str, &str, f64, f64, f64); 43] = [
     ("gmax1", "Gluteus maximus, superior part", 573.0, 0.08, 0.35),
@@ -80,17 +80,17 @@ pub struct Walk {
     pub overlay: Option<Overlay>,
 }
 
-/// A bump of height 1 at share `centre` of the cycle, periodic.
+/// A bump of height 1 at fraction `centre` of the cycle, periodic.
 pub fn bump(p: f64, centre: f64, width: f64) -> f64 {
     let d = (p - centre + 0.5).rem_euclid(1.0) - 0.5;
     (-(d / width).powi(2)).exp()
 }
 
 pub fn table(columns: &[&str], rows: usize, value: impl Fn(f64, usize) -> f64, offset: usize) -> Table {
-    let share = |i: usize| (i as f64 - offset as f64) / (FRAMES - 1) as f64;
+    let fraction = |i: usize| (i as f64 - offset as f64) / (FRAMES - 1) as f64;
     Table {
         columns: columns.iter().map(|c| c.to_string()).collect(),
-        values: DMatrix::from_fn(rows, columns.len(), |i, j| value(share(i), j)),
+        values: DMatrix::from_fn(rows, columns.len(), |i, j| value(fraction(i), j)),
     }
 }
 

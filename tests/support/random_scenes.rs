@@ -106,8 +106,8 @@ impl Maker {
             0 => LawSpec::NeoHookean { young, nu },
             1 => LawSpec::NeoHookeanUncoupled { mu, bulk },
             2 => {
-                let share = self.random.between(-0.3, 1.0);
-                LawSpec::MooneyRivlin { c10: 0.5 * mu * share, c01: 0.5 * mu * (1.0 - share), bulk }
+                let fraction = self.random.between(-0.3, 1.0);
+                LawSpec::MooneyRivlin { c10: 0.5 * mu * fraction, c01: 0.5 * mu * (1.0 - fraction), bulk }
             }
             3 => LawSpec::MooneyRivlinDyna { a: 0.4 * mu, b: 0.1 * mu, nu: nu.abs() },
             4 => LawSpec::StableNeoHookean { young, nu: nu.abs() },
@@ -176,9 +176,9 @@ impl Maker {
     fn place(&mut self) {
         if self.random.chance(0.5) {
             let edges: Vec<f64> = self.shortest_edges();
-            let share = self.random.between(0.0, 0.2);
+            let fraction = self.random.between(0.0, 0.2);
             for (p, edge) in self.out.mesh.points.iter_mut().zip(edges) {
-                let by = self.random.vector(share * edge);
+                let by = self.random.vector(fraction * edge);
                 (0..3).for_each(|c| p[c] += by[c]);
             }
         }

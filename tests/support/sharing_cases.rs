@@ -111,9 +111,9 @@ pub fn split(
     cost: MuscleCost,
 ) -> SharingProblem {
     let source: Vec<usize> = (0..problem.n_muscles()).chain(std::iter::repeat_n(m, copies - 1)).collect();
-    let share = |i: usize| if source[i] == m { 1.0 / copies as f64 } else { 1.0 };
+    let fraction = |i: usize| if source[i] == m { 1.0 / copies as f64 } else { 1.0 };
     let strength: Vec<f64> =
-        (0..source.len()).map(|i| capacity.force_per_activation[source[i]] * share(i)).collect();
+        (0..source.len()).map(|i| capacity.force_per_activation[source[i]] * fraction(i)).collect();
     let l_opt: Vec<f64> = source.iter().map(|i| l_opt[*i]).collect();
     SharingProblem {
         R: problem.R.select_columns(&source),

@@ -254,8 +254,8 @@ fn across(name: String, random: &mut Random) -> SideScene {
         s.tie(&format!("strap{i}_x_max"), &format!("r{i}"));
     }
     let by = gap + random.between(0.5, 8.0) * thick;
-    let share = random.between(0.3, 0.7);
-    let (a, b) = (-share * by, (1.0 - share) * by);
+    let fraction = random.between(0.3, 0.7);
+    let (a, b) = (-fraction * by, (1.0 - fraction) * by);
     s.frame(&[
         ("l0", shift(0.0, 0.0, a)),
         ("r0", shift(0.0, 0.0, a)),

@@ -26,7 +26,7 @@ const FIBRE_RANGE: [f64; 2] = [0.3, 1.9];
 #[derive(Clone, Debug)]
 struct Line {
     unit: &'static MuscleTendon,
-    /// Share of its tension along the direction of the whole muscle.
+    /// Fraction of its tension along the direction of the whole muscle.
     along: f64,
     /// Musculotendon length \[m\] of the generic leg.
     length: f64,

@@ -88,7 +88,7 @@ pub struct Scene {
     /// with more than 1000 N.
     pub residuals: PerConfiguration<f64>,
     /// Parts in which every step with contact goes, by collision detection alone; `None`: softened contact says where to go.
-    pub strict_parts: Option<usize>,
+    pub strict_steps: Option<usize>,
     /// Every state is shown to be a minimum of the energy.
     pub check_stability: bool,
     /// Where the mesh is free of stress.
@@ -137,7 +137,7 @@ enum Muscles {
 struct AccuracyEntry {
     residual_n: Option<f64>,
     contact_residual_n: Option<f64>,
-    strict_parts: Option<usize>,
+    strict_steps: Option<usize>,
     check_stability: Option<bool>,
 }
 
@@ -234,7 +234,7 @@ impl SceneFile {
                 without: accuracy.residual_n.unwrap_or(without),
                 with: accuracy.contact_residual_n.unwrap_or(with),
             },
-            strict_parts: accuracy.strict_parts,
+            strict_steps: accuracy.strict_steps,
             check_stability: accuracy.check_stability.unwrap_or(false),
             stress_free,
             fibres: self.effects.fibres.unwrap_or(natural),

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use fem::body::Pose;
 use fem::contact::Mode;
-use fem::effect::Part;
+use fem::effect::EffectKind;
 use fem::geometry::{SearchSurface, Surface};
 use fem::measure::{PairForce, collision_surfaces, pair_forces};
 use fem::output::{Restart, run_restartable};
@@ -292,12 +292,12 @@ fn skins(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<SearchSurface> {
 /// Force of a muscle through its belly.
 fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce {
     let belly = belly_force(plan, frame.snapshot(), muscle);
-    let part = |p| belly.section.part_along(p, belly.tangent.into());
+    let part = |p| belly.section.along_of(p, belly.tangent.into());
     MuscleForce {
         total: belly.along(),
-        fibre: part(Part::Fibre),
-        matrix: part(Part::Matrix),
-        shell: part(Part::Membrane),
+        fibre: part(EffectKind::Fibre),
+        matrix: part(EffectKind::Matrix),
+        shell: part(EffectKind::Membrane),
     }
 }
 

@@ -3,7 +3,7 @@
 use mesher::MusclePart;
 use std::io::{self, Write};
 
-use fem::effect::Part;
+use fem::effect::EffectKind;
 use fem::measure::pair_forces;
 use fem::plan::Plan;
 use fem::run::Frame;
@@ -31,7 +31,7 @@ pub struct Explanation {
     pub rigid_passive: Option<f64>,
     /// Fibre length over that of the rigid leg, each musculotendon length less slack tendon; Hill fibres only.
     pub length_ratio: Option<f64>,
-    /// Share of matrix and shell in the force through the belly; `None` where there is hardly any.
+    /// Fraction of matrix and shell in the force through the belly; `None` where there is hardly any.
     pub matrix_share: Option<f64>,
     /// Resultant of all contact on the muscle \[N\]; `None` without contact.
     pub contact: Option<f64>,
@@ -50,8 +50,8 @@ pub fn explain(
     let pairs = if touching { pair_forces(plan, at, [0.0; 3]) } else { Vec::new() };
     let one = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
         let belly = belly_force(plan, at, muscle);
-        let part = |p| belly.section.part_along(p, belly.tangent.into());
-        let (total, tissue) = (belly.along(), part(Part::Matrix) + part(Part::Membrane));
+        let part = |p| belly.section.along_of(p, belly.tangent.into());
+        let (total, tissue) = (belly.along(), part(EffectKind::Matrix) + part(EffectKind::Membrane));
         let rigid = step.muscle(&muscle.name);
         let force = Vector3::from(belly.section.total.force);
         let deformable = if force.norm() < LEAST_FORCE { belly.tangent } else { force };

@@ -33,10 +33,10 @@ const SEAM_SHEAR: f64 = END_STIFFNESS * SHELL_SHEAR;
 /// Row of the table of attachments that draws the patellar ligament, and the body that it comes from.
 const LIGAMENT: &str = "patellar_ligament";
 const LIGAMENT_FROM: &str = "patella";
-/// Stiffness \[N/m\] of all its strands (Orozco 2018), and the shares of the medial, central and lateral ones: 201, 278 and 173 N/mm in
+/// Stiffness \[N/m\] of all its strands (Orozco 2018), and the fractions of the medial, central and lateral ones: 201, 278 and 173 N/mm in
 /// the study with seven strands.
 const LIGAMENT_STIFFNESS: f64 = 545e3;
-const LIGAMENT_SHARES: [f64; 3] = [201.0 / 652.0, 278.0 / 652.0, 173.0 / 652.0];
+const LIGAMENT_FRACTIONS: [f64; 3] = [201.0 / 652.0, 278.0 / 652.0, 173.0 / 652.0];
 /// Half the strain over which their tension sets in (same study).
 const LIGAMENT_TOE: f64 = 0.03;
 /// How far apart they run \[m\].
@@ -185,7 +185,7 @@ pub fn add_patellar_ligament(attachments: &[Attachment], mesh: &mut Mesh, scene:
     let [from, .., to] = row.tendon[..] else { return };
     let across = (to - from).cross(&Vector3::x()).normalize();
     let first = mesh.points.len() as u32;
-    for (k, share) in LIGAMENT_SHARES.iter().enumerate() {
+    for (k, fraction) in LIGAMENT_FRACTIONS.iter().enumerate() {
         let aside = across * (LIGAMENT_SPACING * (k as f64 - 1.0));
         let region = format!("{LIGAMENT}_{}", k + 1);
         let node = first + 2 * k as u32;
@@ -196,7 +196,7 @@ pub fn add_patellar_ligament(attachments: &[Attachment], mesh: &mut Mesh, scene:
             nodes: vec![node, node + 1],
         });
         // Force per unit strain.
-        let stiffness = LIGAMENT_STIFFNESS * share * (to - from).norm();
+        let stiffness = LIGAMENT_STIFFNESS * fraction * (to - from).norm();
         scene.strands.push(StrandSpec { region, stiffness, toe: LIGAMENT_TOE, reference_strain: 0.0 });
     }
     for (end, body) in [(0, LIGAMENT_FROM), (1, row.segment.as_str())] {

@@ -6,14 +6,14 @@ use fem::run::{DriveFrame, Frame, Session};
 use fem::scene::{PrescribedSpec, Scene, SolidSpec};
 use fem::solve::Settings;
 use mesher::MusclePart;
-use mesher::fibres::{end_stiffness, share_of_length};
+use mesher::fibres::{end_stiffness, fraction_of_length};
 use mesher::{MuscleBlock, to_mesh};
 use nalgebra::Vector3;
 
 use super::build::add_fibres;
 use super::tissue::{END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX};
 
-/// Newton's method ends where the residual is this share of the forces in play, which are taken to be at least `LEAST_FORCE` \[N\].
+/// Newton's method ends where the residual is this fraction of the forces in play, which are taken to be at least `LEAST_FORCE` \[N\].
 pub const TOLERANCE: f64 = 1e-4;
 /// See [`TOLERANCE`].
 pub const LEAST_FORCE: f64 = 10.0;
@@ -25,7 +25,7 @@ const MET: f64 = 0.02;
 /// What is done to a muscle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Task {
-    /// The insertion is moved away from the origin, along the straight line between their centres, by this share of their distance;
+    /// The insertion is moved away from the origin, along the straight line between their centres, by this fraction of their distance;
     /// fibres are passive.
     Stretch(f64),
     /// The fibres contract until this force passes through the belly \[N\], within 2 %.
@@ -67,9 +67,9 @@ impl<'a> MuscleAlone<'a> {
     /// Does the task; the message says why there is no equilibrium.
     pub fn run(&self, task: Task) -> Result<Trial, String> {
         match task {
-            Task::Stretch(share) => {
+            Task::Stretch(fraction) => {
                 let plan = self.plan(vec![self.way.into()])?;
-                self.compute(&plan, ("stretch", share), Some(self.spread(share)))
+                self.compute(&plan, ("stretch", fraction), Some(self.spread(fraction)))
             }
             Task::Force(wanted) => {
                 let plan = self.plan(Vec::new())?;
@@ -95,7 +95,7 @@ impl<'a> MuscleAlone<'a> {
     /// spread over the length. The tangent at rest is no guess for a muscle whose fibres lie slack and bent: of sartorius it
     /// makes a zigzag with a hundred times the energy.
     fn spread(&self, stretch: f64) -> Vec<f64> {
-        let moved = self.block.points.iter().zip(share_of_length(self.block));
+        let moved = self.block.points.iter().zip(fraction_of_length(self.block));
         moved.flat_map(|(p, s)| <[f64; 3]>::from(Vector3::from(*p) + self.way * (s * stretch))).collect()
     }
 

@@ -11,7 +11,7 @@
 #![allow(non_snake_case)]
 
 use fem::body::Wrench;
-use fem::effect::Part;
+use fem::effect::EffectKind;
 use fem::measure::{Snapshot, nodal_forces};
 use fem::plan::Plan;
 use mesher::part::muscle_of;
@@ -145,7 +145,7 @@ impl MuscleCapacity {
         match number {
             0 => "length".into(),
             1 => "tissue".into(),
-            2 => "share".into(),
+            2 => "fraction".into(),
             arm => COORDINATES[arm - 3].replace('_', " "),
         }
     }
@@ -168,7 +168,7 @@ impl MuscleCapacity {
 pub struct MuscleAction {
     /// Force through its belly \[N\].
     pub force: f64,
-    /// Share of matrix and shell in it \[N\].
+    /// Fraction of matrix and shell in it \[N\].
     pub tissue: f64,
     /// Mean stretch of its fibres.
     pub stretch: f64,
@@ -200,11 +200,11 @@ pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists)
             resultant += Vector3::from(wrench.force);
         }
         let belly = belly_force(plan, at, muscle);
-        let part = |p| belly.section.part_along(p, belly.tangent.into());
+        let part = |p| belly.section.along_of(p, belly.tangent.into());
         let force = belly.along();
         MuscleAction {
             force,
-            tissue: part(Part::Matrix) + part(Part::Membrane),
+            tissue: part(EffectKind::Matrix) + part(EffectKind::Membrane),
             stretch: thigh.fibre_stretch(i, at.x),
             lever_arms: moments.iter().map(|m| (force >= LEAST_FORCE).then(|| m / force)).collect(),
             moments,
@@ -233,7 +233,7 @@ pub fn sewn(plan: &Plan, thigh: &Thigh) -> Vec<Vec<usize>> {
     units.into_iter().map(|u| u.1).collect()
 }
 
-/// Makes one of the muscles of every unit about a coordinate: the moment of the unit stays what it is, and each head has a share of it.
+/// Makes one of the muscles of every unit about a coordinate: the moment of the unit stays what it is, and each head has a fraction of it.
 ///
 /// `rigid`: lever arm of a muscle on the rigid leg \[m\]. The unit tells one number, by how much the arm of its whole force differs from what
 /// the rigid leg says of these forces; all its heads have this difference, slack ones too. So lines of the rigid leg keep their arms, and a

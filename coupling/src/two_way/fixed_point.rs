@@ -20,7 +20,7 @@ pub enum Scheme {
     IqnIls(f64),
 }
 
-/// Columns of V that hold less than this share of themselves that is new are left out: they are noise of the solvers.
+/// Columns of V that hold less than this fraction of themselves that is new are left out: they are noise of the solvers.
 const LEAST_NEW: f64 = 1e-3;
 
 /// Finds a fixed point, guess by guess.

@@ -40,7 +40,7 @@ pub const MOST_PASSES: usize = 16;
 const KNEE: usize = 3;
 /// Numbers of a muscle at a step.
 const N: usize = MuscleCapacity::N;
-/// Tensions below this \[N\] say nothing about the share that comes through the belly.
+/// Tensions below this \[N\] say nothing about the fraction that comes through the belly.
 const LEAST_TENSION: f64 = 20.0;
 
 /// What stays the same from pass to pass.
@@ -272,7 +272,7 @@ impl TwoWay<'_> {
     }
 
     /// The capacity that was seen, scaled, all steps and muscles one after the other. Of muscles with hardly any force lever arms, length
-    /// and share stay as in `before`: a slack one hangs as it may, and not where it would pull. Second: which numbers were seen.
+    /// and fraction stay as in `before`: a slack one hangs as it may, and not where it would pull. Second: which numbers were seen.
     fn capacity(
         &self,
         seen: &[Vec<MuscleAction>],

@@ -55,7 +55,7 @@ const AIM: f64 = 1.3;
 const BONE_GAP: f64 = 0.05e-3;
 /// Depth in a bone that attached ends are left \[m\]: less than [`Goals::bone_depth`].
 const END_DEPTH: f64 = 1.7e-3;
-/// The last interval is cut where a border advances more than this share of the muscle's length in it, and more than this many times
+/// The last interval is cut where a border advances more than this fraction of the muscle's length in it, and more than this many times
 /// as far as another: its cells would be slivers.
 const MOST_ADVANCE: f64 = 0.25;
 const MOST_UNEVEN: f64 = 10.0;

@@ -11,12 +11,12 @@ pub struct Fibres {
     pub area: Vec<f64>,
 }
 
-/// One fibre per node of a section. Its share of the section is the mean over the layers of the share of the cells around
-/// its node, a quarter of each. All shares make `section` \[m²\], e.g. the [`mean_section`] or a physiological cross-section.
+/// One fibre per node of a section. Its fraction of the section is the mean over the layers of the fraction of the cells around
+/// its node, a quarter of each. All fractions make `section` \[m²\], e.g. the [`mean_section`] or a physiological cross-section.
 pub fn fibres(block: &MuscleBlock, section: f64) -> Fibres {
     let n = block.nodes_per_section;
     let layers = block.n_layers();
-    let mut share = vec![0.0; n];
+    let mut fraction = vec![0.0; n];
     for layer in 0..layers {
         let mut quarter = vec![0.0; n];
         for cell in &block.section_cells {
@@ -25,13 +25,13 @@ pub fn fibres(block: &MuscleBlock, section: f64) -> Fibres {
             cell.iter().for_each(|&k| quarter[k as usize] += area / 4.0);
         }
         let total: f64 = quarter.iter().sum();
-        share.iter_mut().zip(quarter).for_each(|(s, q)| *s += q / (total * layers as f64));
+        fraction.iter_mut().zip(quarter).for_each(|(s, q)| *s += q / (total * layers as f64));
     }
     let mut out = Fibres { segments: Vec::new(), area: Vec::new() };
     for k in 0..n as u32 {
         for layer in 0..layers - 1 {
             out.segments.push([block.node(layer, k), block.node(layer + 1, k)]);
-            out.area.push(share[k as usize] * section);
+            out.area.push(fraction[k as usize] * section);
         }
     }
     out
@@ -65,15 +65,15 @@ pub fn end_stiffness(block: &MuscleBlock, end: f64, layers: usize) -> Vec<f64> {
 }
 
 /// How far along its fibre every node of the block lies: 0 at the origin, 1 at the insertion.
-pub fn share_of_length(block: &MuscleBlock) -> Vec<f64> {
-    let mut share = vec![0.0; block.points.len()];
+pub fn fraction_of_length(block: &MuscleBlock) -> Vec<f64> {
+    let mut fraction = vec![0.0; block.points.len()];
     for k in 0..block.nodes_per_section as u32 {
         let mut length = 0.0;
         for layer in 1..block.n_layers() {
             length += (block.point(layer, k) - block.point(layer - 1, k)).norm();
-            share[block.node(layer, k) as usize] = length;
+            fraction[block.node(layer, k) as usize] = length;
         }
-        (1..block.n_layers()).for_each(|layer| share[block.node(layer, k) as usize] /= length);
+        (1..block.n_layers()).for_each(|layer| fraction[block.node(layer, k) as usize] /= length);
     }
-    share
+    fraction
 }

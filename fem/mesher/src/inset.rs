@@ -9,7 +9,7 @@ use fem::mesh::MeshError;
 const FACING: [[usize; 2]; 6] = [[0, 12], [1, 11], [2, 10], [3, 9], [4, 8], [5, 7]];
 /// Points in the middle of end A and end B.
 const ENDS: [usize; 2] = [13, 6];
-/// A section keeps this share of its thickness and width: straps thinner than the gap stay straps.
+/// A section keeps this fraction of its thickness and width: straps thinner than the gap stay straps.
 const LEAST: f64 = 1.0 / 3.0;
 
 impl MuscleSections {

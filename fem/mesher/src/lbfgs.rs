@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Pairs of steps and gradient changes that are kept.
 const MEMORY: usize = 10;
-/// Share of the promised decrease that a step must give (Armijo).
+/// Fraction of the promised decrease that a step must give (Armijo).
 const DECREASE: f64 = 1e-4;
 /// Halvings of a step before the search gives up.
 const HALVINGS: usize = 30;

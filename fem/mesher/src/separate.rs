@@ -45,11 +45,11 @@ impl NodeMean {
     fn of(parts: [(&NodeMean, f64); 3]) -> NodeMean {
         let mut sum = NodeMean { nodes: [parts[0].0.nodes[0]; 4], weights: [0.0; 4] };
         let mut n = 0;
-        for (mean, share) in parts {
+        for (mean, fraction) in parts {
             for (&node, weight) in mean.nodes.iter().zip(mean.weights).filter(|(_, weight)| *weight != 0.0) {
                 let slot = sum.nodes[..n].iter().position(|&known| known == node).unwrap_or(n);
                 sum.nodes[slot] = node;
-                sum.weights[slot] += share * weight;
+                sum.weights[slot] += fraction * weight;
                 n = n.max(slot + 1);
             }
         }
@@ -174,10 +174,10 @@ impl Skin {
     }
 }
 
-/// Planes that shall bring two surfaces `gap` \[m\] apart; `share`: part of the way that the first one goes, 0..1.
+/// Planes that shall bring two surfaces `gap` \[m\] apart; `fraction`: part of the way that the first one goes, 0..1.
 ///
 /// `pairs` come from [`SearchSurface::pairs_within`].
-pub fn planes(a: &Skin, b: &Skin, pairs: &[Gap], gap: f64, share: f64) -> Planes {
+pub fn planes(a: &Skin, b: &Skin, pairs: &[Gap], gap: f64, fraction: f64) -> Planes {
     let mut planes = Planes::default();
     let mut add = |on_a: &Spot, on_b: &Spot, normal: Vector3<f64>, apart: f64| {
         let plane = |spot: &Spot, normal: Vector3<f64>, way: f64| Plane {
@@ -187,8 +187,8 @@ pub fn planes(a: &Skin, b: &Skin, pairs: &[Gap], gap: f64, share: f64) -> Planes
             offset: normal.dot(&spot.point) - way,
         };
         let way = (gap - apart).min(FARTHEST);
-        planes.a.push(plane(on_a, normal, share * way));
-        planes.b.push(plane(on_b, -normal, (1.0 - share) * way));
+        planes.a.push(plane(on_a, normal, fraction * way));
+        planes.b.push(plane(on_b, -normal, (1.0 - fraction) * way));
     };
     let mut crossing = false;
     for pair in pairs {
@@ -203,7 +203,7 @@ pub fn planes(a: &Skin, b: &Skin, pairs: &[Gap], gap: f64, share: f64) -> Planes
             }
         } else {
             crossing = true;
-            if share == 1.0 {
+            if fraction == 1.0 {
                 add(&on_a, &on_b, -on_b.normal, 0.0); // a body that does not move shows the way out
             } else if on_a.normal.dot(&on_b.normal) < OPPOSED {
                 add(&on_a, &on_b, facing.normalize(), 0.0);

@@ -1,7 +1,7 @@
 //! Continuous collision detection: how far a pair may move along straight lines without touching.
 //!
 //! The distance of a pair falls no faster than the fastest of its points moves against the other simplex. So the pair may
-//! move until that bound has used up its distance, and again from there, until only a share of the first distance is
+//! move until that bound has used up its distance, and again from there, until only a fraction of the first distance is
 //! left: no root of a cubic, never too far. Li, Kaufman & Jiang, Codimensional incremental potential contact,
 //! ACM Trans. Graph. 40 (2021), §5 (additive CCD).
 
@@ -12,22 +12,22 @@ use nalgebra::Vector3;
 pub fn tenth(first: f64) -> f64 {
     0.1 * first
 }
-/// Share of the safe motion that is taken at once.
+/// Fraction of the safe motion that is taken at once.
 const TAKEN: f64 = 0.9;
-/// Rounds after which the share reached so far is the answer.
+/// Rounds after which the fraction reached so far is the answer.
 const MAX_ROUNDS: usize = 1000;
 
-/// Greatest share 0..=1 of the way `to` − `from` that point 0 and triangle (1, 2, 3) may go, so that a distance of `kept(first)` is left
+/// Greatest fraction 0..=1 of the way `to` − `from` that point 0 and triangle (1, 2, 3) may go, so that a distance of `kept(first)` is left
 /// of the first one, which is less.
 pub fn point_triangle_step(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| point_triangle(x).squared().sqrt();
-    share(from, to, kept, distance, |step| step[0].norm() + largest(step[1..].iter().copied()))
+    fraction(from, to, kept, distance, |step| step[0].norm() + largest(step[1..].iter().copied()))
 }
 
 /// The same of edges (0, 1) and (2, 3).
 pub fn edge_edge_step(from: &Points, to: &Points, kept: impl Fn(f64) -> f64) -> f64 {
     let distance = |x: &Points| edge_edge(x).squared().sqrt();
-    share(from, to, kept, distance, |step| {
+    fraction(from, to, kept, distance, |step| {
         largest(step[..2].iter().copied()) + largest(step[2..].iter().copied())
     })
 }
@@ -37,7 +37,7 @@ pub(super) fn largest(steps: impl IntoIterator<Item = Vector3<f64>>) -> f64 {
     steps.into_iter().map(|s| s.norm_squared()).fold(0.0, f64::max).sqrt()
 }
 
-fn share(
+fn fraction(
     from: &Points,
     to: &Points,
     kept: impl Fn(f64) -> f64,

@@ -87,7 +87,7 @@ impl Contact {
         self.add_gradient(x, 0.0, &mut g);
         let mut areas = BTreeMap::<u32, f64>::new();
         for p in self.surfaces.list[surface].samples.clone() {
-            for (node, weight) in self.surfaces.points[p].parts() {
+            for (node, weight) in self.surfaces.points[p].weighted_nodes() {
                 *areas.entry(node).or_default() += weight * self.surfaces.areas[p];
             }
         }

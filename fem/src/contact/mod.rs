@@ -43,9 +43,9 @@ use std::sync::{Arc, Mutex};
 use stencil::{Law, Matrix12, Stencil};
 use surface::{SurfaceInput, Surfaces};
 
-/// Distance within which edges repel each other, as a share of that of samples.
+/// Distance within which edges repel each other, as a fraction of that of samples.
 const EDGE_REACH: f64 = 0.5;
-/// Slack of the candidate list as a share of the activation distance.
+/// Slack of the candidate list as a fraction of the activation distance.
 const SLACK: f64 = 0.5;
 
 /// How contact keeps surfaces apart.
@@ -101,7 +101,7 @@ pub struct Contact {
 struct Terms {
     /// Positions of the local nodes \[m\].
     x: Vec<f64>,
-    /// Share of the activation distance below which the barriers are softened; 0: nowhere.
+    /// Fraction of the activation distance below which the barriers are softened; 0: nowhere.
     softness: f64,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
@@ -125,13 +125,16 @@ impl Contact {
         for &(node, surface) in &input.muted {
             muted_at[node as usize] |= 1 << surface;
         }
-        let muted = surfaces.points.iter().map(|b| b.parts().fold(0, |m, (n, _)| m | muted_at[n as usize]));
+        let muted =
+            surfaces.points.iter().map(|b| b.weighted_nodes().fold(0, |m, (n, _)| m | muted_at[n as usize]));
         let carrier = |b: &surface::Blend| {
             let first = input.carrier[b.nodes[0] as usize];
-            match b.parts().all(|(n, _)| input.carrier[n as usize] == first) {
+            match b.weighted_nodes().all(|(n, _)| input.carrier[n as usize] == first) {
                 true => first,
                 // Prescribed in several ways: it moves with nothing else.
-                false => b.parts().all(|(n, _)| input.carrier[n as usize].is_some()).then_some(u32::MAX),
+                false => {
+                    b.weighted_nodes().all(|(n, _)| input.carrier[n as usize].is_some()).then_some(u32::MAX)
+                }
             }
         };
         let carrier: Vec<Option<u32>> = surfaces.points.iter().map(carrier).collect();
@@ -364,7 +367,7 @@ impl Contact {
             .collect();
         for (stencil, forces) in stencils.iter().zip(&forces) {
             for (&point, force) in stencil.points.iter().zip(forces) {
-                for (node, weight) in self.surfaces.points[point as usize].parts() {
+                for (node, weight) in self.surfaces.points[point as usize].weighted_nodes() {
                     for c in 0..3 {
                         g[3 * node as usize + c] += weight * force[c];
                     }
@@ -374,7 +377,7 @@ impl Contact {
     }
 
     /// ∂²Π/∂x∂x \[N/m\] as blocks between local nodes, both triangles, ascending by (row, column). With `convexity` above zero less that
-    /// share of the negative curvatures of every term between a point and the inside of a triangle, and less all of those of the others: a
+    /// fraction of the negative curvatures of every term between a point and the inside of a triangle, and less all of those of the others: a
     /// point beside an edge or corner sees a fillet as small as the gap, whose negative curvature nothing makes up for.
     pub fn hessian(&self, x: &[f64], softness: f64, convexity: f64) -> Vec<([u32; 2], [f64; 9])> {
         let terms = self.terms(x, softness);
@@ -383,15 +386,15 @@ impl Contact {
             .par_iter()
             .with_min_len(64)
             .map(|s| {
-                let share = if s.is_face() || convexity == 0.0 { convexity } else { 1.0 };
-                s.lifted_hessian(&s.points.map(|i| p[i as usize]), share)
+                let fraction = if s.is_face() || convexity == 0.0 { convexity } else { 1.0 };
+                s.lifted_hessian(&s.points.map(|i| p[i as usize]), fraction)
             })
             .collect();
         // Which (stencil, point) each node takes part in.
         let mut at_node: Vec<(u32, u32, u8, f64)> = Vec::new();
         for (k, stencil) in stencils.iter().enumerate() {
             for (i, &point) in stencil.points.iter().enumerate().filter(|(i, _)| stencil.weighs(*i)) {
-                let parts = self.surfaces.points[point as usize].parts();
+                let parts = self.surfaces.points[point as usize].weighted_nodes();
                 at_node.extend(parts.map(|(node, weight)| (node, k as u32, i as u8, weight)));
             }
         }
@@ -406,7 +409,7 @@ impl Contact {
                     let (stencil, H) = (&stencils[k as usize], &matrices[k as usize]);
                     let i = i as usize;
                     for (j, &point) in stencil.points.iter().enumerate().filter(|(j, _)| stencil.weighs(*j)) {
-                        for (other, share) in self.surfaces.points[point as usize].parts() {
+                        for (other, fraction) in self.surfaces.points[point as usize].weighted_nodes() {
                             let at = match blocks.binary_search_by_key(&other, |b| b.0[1]) {
                                 Ok(at) => at,
                                 Err(at) => {
@@ -416,7 +419,7 @@ impl Contact {
                             };
                             let block = &mut blocks[at].1;
                             for (e, value) in block.iter_mut().enumerate() {
-                                *value += weight * share * H[3 * i + e / 3][3 * j + e % 3];
+                                *value += weight * fraction * H[3 * i + e / 3][3 * j + e % 3];
                             }
                         }
                     }
@@ -427,8 +430,8 @@ impl Contact {
         blocks.concat()
     }
 
-    /// Greatest share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that touches nothing; in the
-    /// cheap mode the share on which no penetration can escape notice.
+    /// Greatest fraction 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that touches nothing; in the
+    /// cheap mode the fraction on which no penetration can escape notice.
     pub fn collision_free_step(&self, from: &[f64], to: &[f64]) -> f64 {
         let (start, end) = (self.surfaces.positions(from), self.surfaces.positions(to));
         let farthest = ccd::largest(start.iter().zip(&end).map(|(a, b)| b - a));
@@ -449,9 +452,9 @@ impl Contact {
             }
         };
         for k in 0..n {
-            let share = self.straight_step(&at(k), &at(k + 1));
-            if share < 1.0 {
-                return (k as f64 + share) / n as f64;
+            let fraction = self.straight_step(&at(k), &at(k + 1));
+            if fraction < 1.0 {
+                return (k as f64 + fraction) / n as f64;
             }
         }
         1.0

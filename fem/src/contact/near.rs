@@ -22,7 +22,7 @@ use rayon::prelude::*;
 const VIEW: f64 = 4.0;
 /// Cosine between the normals of a point and of a triangle from which on they face the same way.
 const ALIGNED: f64 = 0.5;
-/// Share of the way to the far side of a body that a point may go at once.
+/// Fraction of the way to the far side of a body that a point may go at once.
 const HALF: f64 = 0.5;
 
 /// A collision point that is closer to another surface than wanted.

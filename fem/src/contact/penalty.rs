@@ -12,7 +12,7 @@ use super::stencil::{Law, Stencil};
 use crate::geometry::closest::{Closest, Points, combine, point_triangle};
 use nalgebra::Vector3;
 
-/// Share of the mean edge by which a sample may lie beside the rim of an open surface.
+/// Fraction of the mean edge by which a sample may lie beside the rim of an open surface.
 const ASIDE: f64 = 0.1;
 
 impl Contact {

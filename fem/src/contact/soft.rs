@@ -1,7 +1,7 @@
 //! A soft way towards the equilibrium of guarded contact, for a first guess of it.
 //!
-//! Barriers and collision detection let surfaces that slide past each other move by a share of the gap between them per iteration:
-//! a hundredth of the way that a change of posture asks for. Here the barrier of a sample goes on as its parabola below a share of
+//! Barriers and collision detection let surfaces that slide past each other move by a fraction of the gap between them per iteration:
+//! a hundredth of the way that a change of posture asks for. Here the barrier of a sample goes on as its parabola below a fraction of
 //! the activation distance, through zero into penetrations, so that Newton's method may step half as far as the thickest body is thick. Where
 //! every gap ends above that share the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
 //! more: it counts only where nothing overlaps in it, and the guarded mode goes on from there.
@@ -22,12 +22,12 @@ use crate::geometry::tree::Aabb;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Share of the thickness of the thickest body that a node may move in one step, and up to which points are looked for inside.
+/// Fraction of the thickness of the thickest body that a node may move in one step, and up to which points are looked for inside.
 const LONGEST: f64 = 0.5;
-/// Share of the activation distance above which barriers that are softened below it are sampled at corners only.
+/// Fraction of the activation distance above which barriers that are softened below it are sampled at corners only.
 const SOFTEST: f64 = 0.2;
 
-/// What is sampled where barriers are softened below the share `softness` of the activation distance.
+/// What is sampled where barriers are softened below the fraction `softness` of the activation distance.
 fn sampled(softness: f64) -> Primitives {
     if softness > SOFTEST { Primitives::Corners } else { Primitives::Samples }
 }
@@ -51,7 +51,7 @@ impl Contact {
         self.near_within(p, sampled(softness), &|_, _| 0.0, self.longest_soft_step(), 0.0)
     }
 
-    /// Barriers softened below the share `softness` of the activation distance, with the collision points at `p`.
+    /// Barriers softened below the fraction `softness` of the activation distance, with the collision points at `p`.
     pub(super) fn soft_barriers(&self, p: &[Vector3<f64>], softness: f64) -> Vec<Stencil> {
         let all = &self.surfaces;
         let of_triangle = |t: u32| all.surface(all.triangles[t as usize][0]);
@@ -87,8 +87,8 @@ impl Contact {
         stencils
     }
 
-    /// Share 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened below
-    /// the share `softness` of the activation distance.
+    /// Fraction 0..=1 of the way from `from` to `to` (positions of the local nodes, m) that a step may go where barriers are softened below
+    /// the fraction `softness` of the activation distance.
     pub fn soft_step(&self, from: &[f64], to: &[f64], softness: f64) -> f64 {
         let all = &self.surfaces;
         let start = all.positions(from);
@@ -107,21 +107,21 @@ impl Contact {
             surface.samples.clone().map(of_point).fold(longest, f64::max)
         };
         let farthest = all.list.par_iter().enumerate().map(farthest_of).reduce(|| longest, f64::max);
-        let mut share = longest / farthest;
-        let least = |point: usize, other: usize| share * against(point, other);
+        let mut fraction = longest / farthest;
+        let least = |point: usize, other: usize| fraction * against(point, other);
         let ahead = self.near_within(&start, sampled(softness), &least, longest, 0.0);
         for n in ahead {
             let corners = all.triangles[n.triangle as usize];
             let theirs: Vector3<f64> = (0..3).map(|c| u[corners[c] as usize] * n.at[c]).sum();
             let closing = -(u[n.point as usize] - theirs).dot(&n.out);
-            if closing * share > n.room {
-                share = n.room / closing;
+            if closing * fraction > n.room {
+                fraction = n.room / closing;
             }
         }
-        share
+        fraction
     }
 
-    /// Positions \[m\] of the nodes near `x` at which all surfaces are apart by the share `softness` of the activation distance; nodes for
+    /// Positions \[m\] of the nodes near `x` at which all surfaces are apart by the fraction `softness` of the activation distance; nodes for
     /// which `moves` is false stay. `None`: none are found.
     pub fn untangled(&self, x: &[f64], softness: f64, moves: &dyn Fn(u32) -> bool) -> Option<Vec<f64>> {
         let u = self.untangle(x, softness * self.distance, moves).ok()?;

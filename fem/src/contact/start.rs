@@ -123,7 +123,7 @@ impl Contact {
         let corners = all.triangles[triangle as usize];
         let (mine, theirs) = (all.surface(points[0]), all.surface(corners[0]));
         let nodes = |points: &[u32], other: usize| -> Vec<(u32, usize)> {
-            let parts = points.iter().flat_map(|&p| all.points[p as usize].parts());
+            let parts = points.iter().flat_map(|&p| all.points[p as usize].weighted_nodes());
             parts.map(|(node, _)| (node, other)).collect()
         };
         [nodes(points, theirs), nodes(&corners, mine)].concat()

@@ -19,11 +19,11 @@ pub type Matrix12 = [[f64; 12]; 12];
 pub enum Law {
     /// κ A d̂ B(d/d̂) of the [`barrier`] with activation distance d̂ \[m\].
     Barrier(f64),
-    /// The same, softened below a share `softness` of d̂; `side` is −1 where d is a depth of penetration.
+    /// The same, softened below a fraction `softness` of d̂; `side` is −1 where d is a depth of penetration.
     Soft {
         /// d̂ \[m\].
         reach: f64,
-        /// That share.
+        /// That fraction.
         softness: f64,
         /// 1 outside, −1 inside.
         side: f64,
@@ -47,7 +47,7 @@ pub struct Stencil {
     pub edges: f64,
 }
 
-/// Edges whose squared sine falls below this share are mollified (Li et al. 2020, eq. 24).
+/// Edges whose squared sine falls below this fraction are mollified (Li et al. 2020, eq. 24).
 const PARALLEL: f64 = 1e-3;
 
 impl Stencil {
@@ -157,16 +157,16 @@ impl Stencil {
         H
     }
 
-    /// The Hessian \[N/m\] less the share `share` of its negative curvatures.
+    /// The Hessian \[N/m\] less the fraction `convexity` of its negative curvatures.
     ///
     /// But for the mollifier it is made of cᵢ n, ∂ₖcᵢ n and cᵢ t alone, n along the connection and t across it: at most five directions out
     /// of twelve, and the eigenvalues of a matrix over these.
-    pub fn lifted_hessian(&self, x: &Points, share: f64) -> Matrix12 {
+    pub fn lifted_hessian(&self, x: &Points, convexity: f64) -> Matrix12 {
         let mut H = self.hessian(x);
         let d = self.distance();
         let mollified = self.edges > 0.0 && self.mollifier(x).0[1] != 0.0;
-        if share == 0.0 || mollified || !(d > 0.0) {
-            lift(&mut H, share);
+        if convexity == 0.0 || mollified || !(d > 0.0) {
+            lift(&mut H, convexity);
             return H;
         }
         let directions = self.directions();
@@ -177,7 +177,7 @@ impl Stencil {
         let rows = directions.each_ref().map(row);
         let small: [[f64; 5]; 5] = rows.each_ref().map(|r| directions.each_ref().map(|b| dot(r, b)));
         let mut change = small;
-        if !lift(&mut change, share) {
+        if !lift(&mut change, convexity) {
             return H;
         }
         for (change, small) in change.as_flattened_mut().iter_mut().zip(small.as_flattened()) {

@@ -2,7 +2,7 @@
 //!
 //! A quadrilateral becomes four triangles about the mean of its nodes, a triangle stays as it is. The barrier is
 //! integrated over each surface with the trapezoidal rule on triangles divided finely enough for the surfaces that it
-//! may meet: the corners of the divided triangles are the *samples*, each with its share of the area.
+//! may meet: the corners of the divided triangles are the *samples*, each with its fraction of the area.
 
 use crate::geometry::closest::EDGES;
 use crate::geometry::tree::{Aabb, Tree};
@@ -41,9 +41,9 @@ impl Blend {
 
     fn mix(parts: &[(Blend, f64)]) -> Blend {
         let mut sum = BTreeMap::<u32, f64>::new();
-        for (blend, share) in parts {
-            for (node, weight) in blend.parts() {
-                *sum.entry(node).or_default() += share * weight;
+        for (blend, fraction) in parts {
+            for (node, weight) in blend.weighted_nodes() {
+                *sum.entry(node).or_default() += fraction * weight;
             }
         }
         let mut out = Blend { n: sum.len(), ..Blend::default() };
@@ -54,14 +54,14 @@ impl Blend {
     }
 
     /// (node, weight).
-    pub fn parts(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+    pub fn weighted_nodes(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
         (0..self.n).map(|i| (self.nodes[i], self.weights[i]))
     }
 
     /// Where it is.
     pub fn at(&self, x: &[f64]) -> Vector3<f64> {
         let mut p = Vector3::zeros();
-        for (node, weight) in self.parts() {
+        for (node, weight) in self.weighted_nodes() {
             let i = 3 * node as usize;
             p += Vector3::new(x[i], x[i + 1], x[i + 2]) * weight;
         }
@@ -184,8 +184,8 @@ impl Surfaces {
         self.divide(first_triangle, input.spacing, X);
         self.corner_areas.resize(self.points.len(), 0.0);
         for t in first_triangle..self.triangles.len() {
-            let share = self.area(t, X) / 3.0;
-            self.triangles[t].iter().for_each(|&c| self.corner_areas[c as usize] += share);
+            let fraction = self.area(t, X) / 3.0;
+            self.triangles[t].iter().for_each(|&c| self.corner_areas[c as usize] += fraction);
         }
         self.surface_of.resize(self.points.len(), index);
 
@@ -249,7 +249,7 @@ impl Surfaces {
             let longest = EDGES.iter().map(|[i, j]| (at[*j] - at[*i]).norm()).fold(0.0, f64::max);
             // A quarter over the wanted distance is fine enough.
             let n = ((longest / spacing - 0.25).ceil() as usize).clamp(1, MAX_DIVISIONS);
-            let share = self.area(t, X) / (3 * n * n) as f64;
+            let fraction = self.area(t, X) / (3 * n * n) as f64;
             let mut samples = Vec::with_capacity((n + 1) * (n + 2) / 2);
             for i in 0..=n {
                 for j in 0..=n - i {
@@ -265,7 +265,7 @@ impl Surfaces {
                     if self.areas.len() <= p as usize {
                         self.areas.resize(p as usize + 1, 0.0);
                     }
-                    self.areas[p as usize] += parts * share;
+                    self.areas[p as usize] += parts * fraction;
                 }
             }
             self.triangle_samples.push(samples);
@@ -286,7 +286,7 @@ impl Surfaces {
         }
         let parts: [(Blend, f64); 3] =
             std::array::from_fn(|c| (self.points[corners[c] as usize], at[c] as f64 / n as f64));
-        let parts: Vec<_> = parts.into_iter().filter(|(_, share)| *share > 0.0).collect();
+        let parts: Vec<_> = parts.into_iter().filter(|(_, fraction)| *fraction > 0.0).collect();
         let mut push = |between: [u32; 3]| {
             self.points.push(Blend::mix(&parts));
             self.corners_of.push(between);

@@ -9,7 +9,7 @@ use std::time::Instant;
 /// Contact, softened or not; what it takes is counted.
 pub struct ContactTerm {
     contact: Arc<Contact>,
-    /// Share of the activation distance below which it is softened; 0: nowhere.
+    /// Fraction of the activation distance below which it is softened; 0: nowhere.
     softness: f64,
     /// Time spent in it \[ns\].
     spent: AtomicU64,

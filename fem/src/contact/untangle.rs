@@ -13,9 +13,9 @@ const FEW: usize = 10;
 const MAX_ROUNDS: usize = 60;
 /// Rounds without gain after which no more is expected.
 const PATIENCE: usize = 10;
-/// Share of what is too close that a round must take away to be a gain.
+/// Fraction of what is too close that a round must take away to be a gain.
 const GAIN: f64 = 0.01;
-/// Share of the shortest edge at a node that it moves in one round: farther, a small face would turn over, and with it inside and outside.
+/// Fraction of the shortest edge at a node that it moves in one round: farther, a small face would turn over, and with it inside and outside.
 const STRIDE: f64 = 0.3;
 /// Least weight of a node in a motion for which it is moved.
 const WEIGHTY: f64 = 0.05;
@@ -59,9 +59,9 @@ impl Contact {
             let wishes = self.wishes(&found, gap, &p, moves);
             let strides = strides.get_or_insert_with(|| self.strides(x.len() / 3, &p));
             for (node, way) in wishes {
-                let share = (strides[node as usize] / way.norm()).min(1.0);
+                let fraction = (strides[node as usize] / way.norm()).min(1.0);
                 for c in 0..3 {
-                    now[3 * node as usize + c] += share * way[c];
+                    now[3 * node as usize + c] += fraction * way[c];
                 }
             }
             let missing = found.missing(gap);
@@ -85,7 +85,7 @@ impl Contact {
         for edge in &self.surfaces.edges {
             let [a, b] = edge.points;
             let stride = STRIDE * (p[a as usize] - p[b as usize]).norm();
-            for (node, _) in [a, b].iter().flat_map(|&e| self.surfaces.points[e as usize].parts()) {
+            for (node, _) in [a, b].iter().flat_map(|&e| self.surfaces.points[e as usize].weighted_nodes()) {
                 let least = &mut strides[node as usize];
                 *least = least.min(stride);
             }
@@ -102,13 +102,13 @@ impl Contact {
         moves: &dyn Fn(u32) -> bool,
     ) -> BTreeMap<u32, Vector3<f64>> {
         let mut wishes = BTreeMap::<u32, Vector3<f64>>::new();
-        // Points with their shares in the one that moves, on either side; the least motion of the nodes that brings it about.
+        // Points with their fractions in the one that moves, on either side; the least motion of the nodes that brings it about.
         let mut push = |a: &[(u32, f64)], b: &[(u32, f64)], way: Vector3<f64>| {
             let mut nodes = BTreeMap::<u32, f64>::new();
             for (side, points) in [(1.0, a), (-1.0, b)] {
-                for &(point, share) in points {
-                    for (node, weight) in self.surfaces.points[point as usize].parts() {
-                        *nodes.entry(node).or_default() += side * share * weight;
+                for &(point, fraction) in points {
+                    for (node, weight) in self.surfaces.points[point as usize].weighted_nodes() {
+                        *nodes.entry(node).or_default() += side * fraction * weight;
                     }
                 }
             }

@@ -4,7 +4,7 @@
 //! short pieces, the finer the mesh the shorter. A muscle as gait models know it has one length, so here a fibre has one, too:
 //! Π = A L w(l/L, a) with l the length of the chain and L that in the mesh, and every segment pulls with A σ(l/L, a), σ = ∂w/∂λ.
 
-use super::{Effect, Groups, Part, State, point};
+use super::{Effect, EffectKind, Groups, State, point};
 use crate::material::force_length::{FibreStress, ForceLength};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -71,7 +71,7 @@ impl Chains {
                 area: fibre.area,
             });
         }
-        let groups = Groups::new(name, Part::Fibre, &nodes, centroids);
+        let groups = Groups::new(name, EffectKind::Fibre, &nodes, centroids);
         Chains { groups, law, activation, lengths, chain, chains }
     }
 
@@ -105,7 +105,7 @@ fn norm(d: [f64; 3]) -> f64 {
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
 }
 
-/// The length of a segment is taken as √(|d|² + ε² L²), ε this share of its length L at rest. The tension of a chain does not fall as one of
+/// The length of a segment is taken as √(|d|² + ε² L²), ε this fraction of its length L at rest. The tension of a chain does not fall as one of
 /// its segments shortens, so that a soft matrix lets some vanish, and |d| has a kink there on which no descent gets on. Tensions lose
 /// 0.02 % at rest.
 const ROUNDING: f64 = 0.02;

@@ -14,7 +14,7 @@ pub struct TimeStep {
     start: Vec<f64>,
     /// h v₀ \[m\].
     flight: Vec<f64>,
-    /// x₀ and the share of the flight that belongs to the present load \[m\].
+    /// x₀ and the fraction of the flight that belongs to the present load \[m\].
     predicted: Vec<f64>,
 }
 

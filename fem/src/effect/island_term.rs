@@ -9,7 +9,7 @@ pub trait IslandTerm: Send + Sync {
     /// Adds ∂Π/∂x \[N\].
     fn add_gradient(&self, x: &[f64], g: &mut [f64]);
 
-    /// ∂²Π/∂x∂x \[N/m\] as row-major blocks between local nodes, both triangles, ascending by (row, column); less the share `convexity` 0..=1
+    /// ∂²Π/∂x∂x \[N/m\] as row-major blocks between local nodes, both triangles, ascending by (row, column); less the fraction `convexity` 0..=1
     /// of the negative curvatures, with 1 positive semi-definite.
     fn hessian(&self, x: &[f64], convexity: f64) -> Vec<([u32; 2], [f64; 9])>;
 
@@ -21,7 +21,7 @@ pub trait IslandTerm: Send + Sync {
         false
     }
 
-    /// Goes with the load to the share `t` 0..=1 of its way.
+    /// Goes with the load to the fraction `t` 0..=1 of its way.
     fn set_load(&mut self, _t: f64) {}
 
     /// Whether bodies that nothing holds are held by it.
@@ -39,7 +39,7 @@ pub trait IslandTerm: Send + Sync {
         false
     }
 
-    /// Greatest share 0..=1 of the straight way from the places `from` to `to` that it admits.
+    /// Greatest fraction 0..=1 of the straight way from the places `from` to `to` that it admits.
     fn collision_free_step(&self, _from: &[f64], _to: &[f64]) -> f64 {
         1.0
     }
@@ -54,7 +54,7 @@ pub trait IslandTerm: Send + Sync {
         false
     }
 
-    /// Softens it below the share `softness` of the distance at which it begins; 0: it is itself again.
+    /// Softens it below the fraction `softness` of the distance at which it begins; 0: it is itself again.
     fn soften(&mut self, _softness: f64) {}
 
     /// Whether anything that is kept apart is close or overlaps.
@@ -62,7 +62,7 @@ pub trait IslandTerm: Send + Sync {
         false
     }
 
-    /// Moves nodes at `x` for which `moves` is true until all is apart by the share `softness` of that distance; returns whether it is.
+    /// Moves nodes at `x` for which `moves` is true until all is apart by the fraction `softness` of that distance; returns whether it is.
     fn untangle(&self, _x: &mut Vec<f64>, _softness: f64, _moves: &dyn Fn(u32) -> bool) -> bool {
         true
     }

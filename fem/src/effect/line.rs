@@ -1,6 +1,6 @@
 //! Fibres and strands: segments that carry axial force, along mesh edges, between points embedded in cells, or both.
 
-use super::{Effect, Groups, NO_NODE, Part, State, point};
+use super::{Effect, EffectKind, Groups, NO_NODE, State, point};
 use crate::material::line::LineLaw;
 use rayon::prelude::*;
 
@@ -53,7 +53,7 @@ impl<const M: usize> Lines<M> {
             centroids.push(centroid);
         }
         Lines {
-            groups: Groups::new(name, Part::Fibre, &all_nodes, centroids),
+            groups: Groups::new(name, EffectKind::Fibre, &all_nodes, centroids),
             activation,
             weights: all_weights,
             lengths: segments.iter().map(|s| s.length).collect(),
@@ -80,7 +80,7 @@ impl<const M: usize> Lines<M> {
     }
 }
 
-/// Below this share of its reference length a segment has no direction: it carries no force.
+/// Below this fraction of its reference length a segment has no direction: it carries no force.
 const COLLAPSED: f64 = 1e-12;
 
 impl<const M: usize> Effect for Lines<M> {
@@ -120,7 +120,7 @@ impl<const M: usize> Effect for Lines<M> {
         }
     }
 
-    /// (k_axial n⊗n + N/l (I − n⊗n)) w_a w_b; less the share `convexity` of negative k_axial and N.
+    /// (k_axial n⊗n + N/l (I − n⊗n)) w_a w_b; less the fraction `convexity` of negative k_axial and N.
     fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]) {
         let a = self.activation(s);
         for (e, out) in (first..).zip(out.chunks_exact_mut(9 * M * M)) {

@@ -1,6 +1,6 @@
 //! Dead loads: gravity and given nodal forces.
 
-use super::{Effect, Groups, Part, State, point};
+use super::{Effect, EffectKind, Groups, State, point};
 use crate::element::SolidElement;
 
 /// Nodal forces that keep their direction: Π = −c Σ f·x, c the value of a control.
@@ -15,7 +15,7 @@ impl DeadLoad {
     pub fn new(name: &str, control: usize, loads: &[(u32, [f64; 3])]) -> Self {
         let nodes: Vec<[u32; 1]> = loads.iter().map(|l| [l.0]).collect();
         DeadLoad {
-            groups: Groups::new(name, Part::Load, &nodes, vec![[f64::NAN; 3]; loads.len()]),
+            groups: Groups::new(name, EffectKind::Load, &nodes, vec![[f64::NAN; 3]; loads.len()]),
             control,
             forces: loads.iter().map(|l| l.1).collect(),
         }

@@ -3,7 +3,7 @@
 //! Π = Σ_g h A_g ψ(C_g),   C = FᵀF (2×2) of the in-plane deformation gradient F (3×2).
 //! Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., §9.7 (membranes).
 
-use super::{Effect, Groups, MembraneState, Part, State, mean, point};
+use super::{Effect, EffectKind, Groups, MembraneState, State, mean, point};
 use crate::element::psd::lift;
 use crate::element::shape::{Rule, contract};
 use crate::material::membrane::MembraneLaw;
@@ -56,7 +56,7 @@ impl<const N: usize, const G: usize> Membrane<N, G> {
             all_w.push(w);
             centroids.push(mean(&X));
         }
-        let groups = Groups::new(name, Part::Membrane, &nodes, centroids);
+        let groups = Groups::new(name, EffectKind::Membrane, &nodes, centroids);
         Ok(Membrane { groups, law, thickness, dn: all_dn, w: all_w })
     }
 

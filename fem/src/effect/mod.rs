@@ -53,7 +53,7 @@ pub const NO_NODE: u32 = u32::MAX;
 
 /// What an effect stands for in a free-body cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Part {
+pub enum EffectKind {
     /// Solid elements.
     Matrix,
     /// Fibres and strands.
@@ -90,7 +90,7 @@ pub struct MembraneState {
 #[derive(Clone, Debug)]
 pub struct Groups {
     name: String,
-    part: Part,
+    kind: EffectKind,
     nodes_per_group: usize,
     nodes: Vec<u32>,
     centroids: Vec<[f64; 3]>,
@@ -99,10 +99,15 @@ pub struct Groups {
 impl Groups {
     /// Groups of `N` nodes; `centroids` in the reference configuration \[m\], not a number for loads: they are on no side
     /// of a cut.
-    pub fn new<const N: usize>(name: &str, part: Part, nodes: &[[u32; N]], centroids: Vec<[f64; 3]>) -> Self {
+    pub fn new<const N: usize>(
+        name: &str,
+        kind: EffectKind,
+        nodes: &[[u32; N]],
+        centroids: Vec<[f64; 3]>,
+    ) -> Self {
         assert_eq!(nodes.len(), centroids.len(), "one centroid per group of `{name}`");
         let nodes = nodes.as_flattened().to_vec();
-        Groups { name: name.to_string(), part, nodes_per_group: N, nodes, centroids }
+        Groups { name: name.to_string(), kind, nodes_per_group: N, nodes, centroids }
     }
 
     /// Number of groups.
@@ -131,8 +136,8 @@ pub trait Effect: Send + Sync {
         &self.groups().name
     }
     /// What it counts as in a section force.
-    fn part(&self) -> Part {
-        self.groups().part
+    fn kind(&self) -> EffectKind {
+        self.groups().kind
     }
     /// Number m of nodes of each group.
     fn nodes_per_group(&self) -> usize {
@@ -156,7 +161,7 @@ pub trait Effect: Send + Sync {
     /// Overwrites `out` with ∂Π/∂x \[N\] of groups `first`, `first + 1`, …: 3m values each.
     fn forces(&self, s: &State, first: usize, out: &mut [f64]);
     /// Overwrites `out` with ∂²Π/∂x∂x \[N/m\] of groups `first`, `first + 1`, …: 3m × 3m row-major each,
-    /// less the share `convexity` of the negative curvatures of every term: the true one with 0, positive semidefinite with 1.
+    /// less the fraction `convexity` of the negative curvatures of every term: the true one with 0, positive semidefinite with 1.
     fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]);
     /// Whether the Hessian vanishes for good (dead loads), so that it need not be assembled.
     fn is_linear(&self) -> bool {

@@ -9,7 +9,7 @@
 //! planes of its openings ([`plan`](crate::plan) refuses others). Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis,
 //! 2nd ed., §8.5.
 
-use super::{Effect, Groups, Part, State, point};
+use super::{Effect, EffectKind, Groups, State, point};
 use crate::element::shape::{self, contract};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
@@ -42,7 +42,7 @@ impl Pressure {
         let X: Vec<[Vector3<f64>; 4]> = faces.iter().map(|f| f.map(|n| points[n as usize].into())).collect();
         let centroids = faces.iter().map(|f| super::mean(&f.map(|n| points[n as usize]))).collect();
         Pressure {
-            groups: Groups::new(name, Part::Load, &faces, centroids),
+            groups: Groups::new(name, EffectKind::Load, &faces, centroids),
             control,
             X,
             rim,

@@ -1,6 +1,6 @@
 //! Solid elements of one region and one law.
 
-use super::{Effect, Groups, Part, SolidState, State, mean, point};
+use super::{Effect, EffectKind, Groups, SolidState, State, mean, point};
 use crate::element::{Formulation, Rule, SolidElement};
 use crate::material::Material;
 use rayon::prelude::*;
@@ -65,7 +65,7 @@ impl<F: LawField, const N: usize, const G: usize> Solid<F, N, G> {
             centroids.push(mean(&X));
         }
         Ok(Solid {
-            groups: Groups::new(name, Part::Matrix, &nodes, centroids),
+            groups: Groups::new(name, EffectKind::Matrix, &nodes, centroids),
             field,
             formulation,
             elements,

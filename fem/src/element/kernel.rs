@@ -146,7 +146,7 @@ impl<const N: usize, const G: usize> SolidElement<N, G> {
         sum / (theta * self.volume)
     }
 
-    /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\], less the share `convexity` of its negative
+    /// Overwrites `out`, 3N × 3N row-major, with ∂²Π/∂x∂x \[N/m\], less the fraction `convexity` of its negative
     /// curvatures, point by point.
     pub fn hessian<L: Material>(
         &self,
@@ -238,7 +238,7 @@ impl Derivatives {
         }
     }
 
-    /// Second derivatives of ψ̂(F, θ) + p̄ det F less the share `convexity` of their negative curvatures, over F, F and θ, and θ.
+    /// Second derivatives of ψ̂(F, θ) + p̄ det F less the fraction `convexity` of their negative curvatures, over F, F and θ, and θ.
     fn tangent<L: Material>(
         &self,
         law: &L,
@@ -261,7 +261,7 @@ impl Derivatives {
     }
 }
 
-/// ∂P/∂F less the share `convexity` of its negative curvatures.
+/// ∂P/∂F less the fraction `convexity` of its negative curvatures.
 fn plain_tangent<L: Material>(law: &L, F: &Matrix3, convexity: f64) -> Blocks {
     if convexity > 0.0
         && let Some(psi) = law.by_invariants(F, None)
@@ -299,8 +299,8 @@ fn accumulate<const N: usize>(k: &mut Stiffness<N>, A: &Blocks, w: f64, d: &[[f6
 }
 
 /// [`lift`] of the 10×10 matrix over (F, θ).
-fn project(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64, share: f64) {
-    if share == 0.0 {
+fn project(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64, convexity: f64) {
+    if convexity == 0.0 {
         return;
     }
     let mut m = [[0.0; 10]; 10];
@@ -310,7 +310,7 @@ fn project(A: &mut Matrix9, P_theta: &mut Matrix3, p_theta: &mut f64, share: f64
         m[9][c] = P_theta[c];
     }
     m[9][9] = *p_theta;
-    if lift(&mut m, share) {
+    if lift(&mut m, convexity) {
         for c in 0..9 {
             A.data.0[c].copy_from_slice(&m[c][..9]);
             P_theta[c] = m[9][c];

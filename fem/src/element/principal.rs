@@ -17,10 +17,10 @@ use nalgebra::Vector3;
 /// ∂²ψ/∂F_ij∂F_kl \[Pa\] as blocks (j, l), entry `3 i + k`.
 pub type Blocks = [[[f64; 9]; 3]; 3];
 
-/// Second derivatives of ψ̂(F, θ) + p̄ det F less the share `share` of their negative eigenvalues: ∂²/∂F∂F, ∂²/∂F∂θ and ∂²/∂θ² \[Pa\].
+/// Second derivatives of ψ̂(F, θ) + p̄ det F less the fraction `convexity` of their negative eigenvalues: ∂²/∂F∂F, ∂²/∂F∂θ and ∂²/∂θ² \[Pa\].
 ///
 /// `psi`: ψ̂ with its derivatives over I₁, I₂, J and θ; `p`: p̄ \[Pa\]. `None` where F is too flat for principal directions.
-pub fn lifted_tangent(F: &Matrix3, psi: &Jet<4>, p: f64, share: f64) -> Option<(Blocks, Matrix3, f64)> {
+pub fn lifted_tangent(F: &Matrix3, psi: &Jet<4>, p: f64, convexity: f64) -> Option<(Blocks, Matrix3, f64)> {
     let ([u, v], sigma) = principal(F)?;
     let side = F.determinant().signum();
     let squared = sigma.map(|s| s * s);
@@ -47,7 +47,7 @@ pub fn lifted_tangent(F: &Matrix3, psi: &Jet<4>, p: f64, share: f64) -> Option<(
         (H[i][3], H[3][i]) = (row[3], row[3]);
     }
     H[3][3] = psi.h[3][3];
-    lift(&mut H, share);
+    lift(&mut H, convexity);
 
     // T[j][l]: what couples the columns j and l of F in the directions v.
     let mut T = [[Matrix3::zeros(); 3]; 3];
@@ -55,7 +55,7 @@ pub fn lifted_tangent(F: &Matrix3, psi: &Jet<4>, p: f64, share: f64) -> Option<(
     for (i, j) in [(0, 1), (0, 2), (1, 2)] {
         let k = 3 - i - j;
         let (a, b) = (2.0 * (d1 + d2 * squared[k]), -2.0 * d2 * sigma[i] * sigma[j] - dJ * sigma[k]);
-        let (sum, difference) = (lifted(a + b, share), lifted(a - b, share));
+        let (sum, difference) = (lifted(a + b, convexity), lifted(a - b, convexity));
         let (a, b) = (0.5 * (sum + difference), 0.5 * (sum - difference));
         T[j][j] += outer[i][i] * a;
         T[i][i] += outer[j][j] * a;

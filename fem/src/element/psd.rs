@@ -3,14 +3,14 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{ArrayStorage, Const, DefaultAllocator, DimDiff, DimSub, SMatrix, SymmetricEigen, U1};
 
-/// Takes the share `share` off the negative eigenvalues of a symmetric matrix; with all of it off it becomes the nearest positive
+/// Takes the fraction `convexity` off the negative eigenvalues of a symmetric matrix; with all of it off it becomes the nearest positive
 /// semidefinite one in the Frobenius norm. Returns whether there was anything to change.
-pub fn lift<const D: usize>(A: &mut [[f64; D]; D], share: f64) -> bool
+pub fn lift<const D: usize>(A: &mut [[f64; D]; D], convexity: f64) -> bool
 where
     Const<D>: DimSub<U1>,
     DefaultAllocator: Allocator<DimDiff<Const<D>, U1>>,
 {
-    if share == 0.0 {
+    if convexity == 0.0 {
         return false;
     }
     // Many matrices are fine, and a Cholesky attempt costs a small part of an eigendecomposition.
@@ -28,7 +28,7 @@ where
         if value < 0.0 {
             for r in 0..D {
                 for c in 0..D {
-                    A[r][c] -= share * value * v[r] * v[c];
+                    A[r][c] -= convexity * value * v[r] * v[c];
                 }
             }
         }
@@ -36,10 +36,10 @@ where
     true
 }
 
-/// An eigenvalue less the share `share` of what is negative about it.
+/// An eigenvalue less the fraction `convexity` of what is negative about it.
 #[inline]
-pub fn lifted(value: f64, share: f64) -> f64 {
-    value - share * value.min(0.0)
+pub fn lifted(value: f64, convexity: f64) -> f64 {
+    value - convexity * value.min(0.0)
 }
 
 /// Whether A + shift I has a Cholesky factor.

@@ -149,22 +149,22 @@ pub fn point_point(x: &Points) -> Closest {
     Closest::new([1.0, -1.0, 0.0, 0.0], &[], x)
 }
 
-/// Share along the edge ab at which it is closest to p, 0..=1.
+/// Fraction along the edge ab at which it is closest to p, 0..=1.
 pub fn along_edge(p: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     let e = b - a;
     let t = (p - a).dot(&e) / e.norm_squared();
     if t > 0.0 { t.min(1.0) } else { 0.0 }
 }
 
-/// Shares along the edges (x₀, x₁) and (x₂, x₃) at which they may be closest: at their common perpendicular, where it meets both between
+/// Fractions along the edges (x₀, x₁) and (x₂, x₃) at which they may be closest: at their common perpendicular, where it meets both between
 /// their ends, and from each of the four ends x₀ … x₃. Of parallel edges a closest pair always has an end.
-pub fn edge_shares(x: &Points) -> (Option<[f64; 2]>, [[f64; 2]; 4]) {
+pub fn edge_fractions(x: &Points) -> (Option<[f64; 2]>, [[f64; 2]; 4]) {
     let (u, v, r) = (x[1] - x[0], x[3] - x[2], x[0] - x[2]);
     // By cross products: of edges that are nearly parallel less is lost than by products of lengths.
     let n = u.cross(&v);
     let sine = n.norm_squared();
     let (s, t) = (v.cross(&r).dot(&n) / sine, u.cross(&r).dot(&n) / sine);
-    let between = |share: f64| share > 0.0 && share < 1.0;
+    let between = |fraction: f64| fraction > 0.0 && fraction < 1.0;
     let is_crossing = sine > PARALLEL * u.norm_squared() * v.norm_squared() && between(s) && between(t);
     let on_b = |end: usize| along_edge(&x[end], &x[2], &x[3]);
     let on_a = |end: usize| along_edge(&x[end], &x[0], &x[1]);
@@ -172,19 +172,19 @@ pub fn edge_shares(x: &Points) -> (Option<[f64; 2]>, [[f64; 2]; 4]) {
     (is_crossing.then_some([s, t]), ends)
 }
 
-/// Squared sine below which edges are parallel: the shares at the perpendicular are then off by more than a percent of the edges.
+/// Squared sine below which edges are parallel: the fractions at the perpendicular are then off by more than a percent of the edges.
 const PARALLEL: f64 = 1e-14;
 
 /// Edges (x₀, x₁) and (x₂, x₃).
 pub fn edge_edge(x: &Points) -> Closest {
-    let (crossing, ends) = edge_shares(x);
+    let (crossing, ends) = edge_fractions(x);
     let mut best = crossing.map(|[s, t]| {
         let free = [[-1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]];
         Closest::new([1.0 - s, s, t - 1.0, -t], &free, x)
     });
-    for (end, shares) in ends.into_iter().enumerate() {
+    for (end, fractions) in ends.into_iter().enumerate() {
         let (i, j) = if end < 2 { (2, 3) } else { (0, 1) };
-        let (sign, t) = if end < 2 { (1.0, shares[1]) } else { (-1.0, shares[0]) };
+        let (sign, t) = if end < 2 { (1.0, fractions[1]) } else { (-1.0, fractions[0]) };
         let (mut c, mut dc) = ([0.0; 4], [0.0; 4]);
         (c[end], c[i], c[j]) = (sign, sign * (t - 1.0), -sign * t);
         (dc[i], dc[j]) = (sign, -sign);

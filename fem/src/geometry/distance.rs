@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-use super::closest::{EDGES, Feature, along_edge, edge_shares, feature};
+use super::closest::{EDGES, Feature, along_edge, edge_fractions, feature};
 use super::intersect::{Triangle, segment_meets_triangle, triangles_meet};
 
 /// Two closest points.
@@ -54,8 +54,8 @@ pub fn point_triangle(p: &Vector3<f64>, t: &Triangle) -> (Closest, Feature) {
 
 /// Between the segments `a` and `b`.
 pub fn segments(a: [&Vector3<f64>; 2], b: [&Vector3<f64>; 2]) -> Closest {
-    let (crossing, ends) = edge_shares(&[*a[0], *a[1], *b[0], *b[1]]);
-    let at = |[p, q]: [&Vector3<f64>; 2], share: f64| p + share * (q - p);
+    let (crossing, ends) = edge_fractions(&[*a[0], *a[1], *b[0], *b[1]]);
+    let at = |[p, q]: [&Vector3<f64>; 2], fraction: f64| p + fraction * (q - p);
     let best = Closest::new(*a[0], at(b, ends[0][1]))
         .nearer(Closest::new(*a[1], at(b, ends[1][1])))
         .nearer(Closest::new(at(a, ends[2][0]), *b[0]))

@@ -2,12 +2,12 @@
 //!
 //! A plane through the reference shape divides the elements by their centroids. The forces of the elements on one
 //! side on the nodes that both sides share are the force between the sides, whatever the mesh; the sum over all effects is
-//! exact by equilibrium, and the parts (matrix, fibre, membrane) add up to it. Under gravity a further part is the share of the
+//! exact by equilibrium, and the kinds (matrix, fibre, membrane) add up to it. Under gravity there is also the part of the
 //! weight behind the cut that the mesh puts on the shared nodes: half a layer of cells otherwise missing.
 
 use super::Snapshot;
 use crate::body::Wrench;
-use crate::effect::{NO_NODE, Part, State};
+use crate::effect::{EffectKind, NO_NODE, State};
 use crate::plan::Plan;
 use std::collections::BTreeMap;
 
@@ -27,8 +27,8 @@ pub struct Cut {
 pub struct SectionForce {
     /// All effects \[N, N·m about the current centroid of the cut nodes\].
     pub total: Wrench,
-    /// Force of each part \[N\]; parts that are not there have no entry.
-    pub parts: BTreeMap<Part, [f64; 3]>,
+    /// Force of each kind of effect \[N\]; kinds that are not there have no entry.
+    pub by_kind: BTreeMap<EffectKind, [f64; 3]>,
     /// Nodes that both sides share.
     pub n_nodes: usize,
 }
@@ -39,9 +39,9 @@ impl SectionForce {
         along(self.total.force, direction)
     }
 
-    /// Component of one part along a direction \[N\]; zero where the part is not there.
-    pub fn part_along(&self, part: Part, direction: [f64; 3]) -> f64 {
-        self.parts.get(&part).map_or(0.0, |f| along(*f, direction))
+    /// Component of one kind along a direction \[N\]; zero where it is not there.
+    pub fn along_of(&self, kind: EffectKind, direction: [f64; 3]) -> f64 {
+        self.by_kind.get(&kind).map_or(0.0, |f| along(*f, direction))
     }
 }
 
@@ -55,12 +55,12 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
     let chosen = |name: &str| cut.effects.is_empty() || cut.effects.iter().any(|e| e == name);
     let n = plan.mesh.points.len();
     let (mut behind, mut ahead) = (vec![false; n], vec![false; n]);
-    let mut forces = BTreeMap::<Part, Vec<f64>>::new();
+    let mut forces = BTreeMap::<EffectKind, Vec<f64>>::new();
     for island in &plan.islands {
         let x = island.gather(at.x);
         let s = State { x: &x, controls: &at.load.controls };
-        for effect in island.effects.iter().filter(|e| e.part() != Part::Load && chosen(e.name())) {
-            let g = forces.entry(effect.part()).or_insert_with(|| vec![0.0; 3 * n]);
+        for effect in island.effects.iter().filter(|e| e.kind() != EffectKind::Load && chosen(e.name())) {
+            let g = forces.entry(effect.kind()).or_insert_with(|| vec![0.0; 3 * n]);
             let m = effect.nodes_per_group();
             let mut f = vec![0.0; 3 * m];
             for (group, nodes) in effect.nodes().chunks_exact(m).enumerate() {
@@ -91,7 +91,7 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
             centre[i] += at.x[3 * n + i] / shared.len() as f64;
         }
     }
-    for (part, g) in forces {
+    for (kind, g) in forces {
         let mut sum = Wrench::default();
         for &n in &shared {
             let arm = std::array::from_fn(|i| at.x[3 * n + i] - centre[i]);
@@ -101,22 +101,22 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
             out.total.force[i] += sum.force[i];
             out.total.moment[i] += sum.moment[i];
         }
-        out.parts.insert(part, sum.force);
+        out.by_kind.insert(kind, sum.force);
     }
     out
 }
 
-/// Adds the weights of the cells behind the cut on the shared nodes, as forces ∂Π/∂x \[N\] of the part [`Part::Load`].
+/// Adds the weights of the cells behind the cut on the shared nodes, as forces ∂Π/∂x \[N\] of the part [`EffectKind::Load`].
 fn add_weights(
     plan: &Plan,
     at: Snapshot,
     cut: &Cut,
     chosen: impl Fn(&str) -> bool,
     shared: &[usize],
-    forces: &mut BTreeMap<Part, Vec<f64>>,
+    forces: &mut BTreeMap<EffectKind, Vec<f64>>,
 ) {
     for w in plan.weights.iter().filter(|w| chosen(&w.region)) {
-        let g = forces.entry(Part::Load).or_insert_with(|| vec![0.0; at.x.len()]);
+        let g = forces.entry(EffectKind::Load).or_insert_with(|| vec![0.0; at.x.len()]);
         let cells = w.nodes.chunks_exact(w.nodes_per_cell).zip(w.forces.chunks_exact(w.nodes_per_cell));
         for (nodes, weights) in cells {
             let sum = |i: usize| nodes.iter().map(|&n| plan.mesh.points[n as usize][i]).sum::<f64>();

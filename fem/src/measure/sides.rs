@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
-/// A body is flat where its least extent is less than this share of the next: a strap of 8 x 2 mm is just none, a sheet is.
+/// A body is flat where its least extent is less than this fraction of the next: a strap of 8 x 2 mm is just none, a sheet is.
 const FLAT: f64 = 0.25;
 /// Cosine between the normal of a face of the one side of a sheet and that of the sheet: 60 degrees.
 const OF_SIDE: f64 = 0.5;

@@ -243,17 +243,17 @@ fn young(law: &LawSpec) -> f64 {
 
 /// Activation distances beyond this, over the diagonal of all surfaces, are a slip of the pen.
 const FARTHEST: f64 = 1e3;
-/// Gap at the start, as a share of the activation distance, below which surfaces touch.
+/// Gap at the start, as a fraction of the activation distance, below which surfaces touch.
 const TOUCH: f64 = 0.1;
 /// Numbers of what nodes move with that no body has.
 const HELD: u32 = u32::MAX - 2;
 const CONTROLLED: u32 = u32::MAX - 1;
 /// Rounds in which what cannot be parted is left out.
 const MAX_TRIES: usize = 8;
-/// Distance between samples of guarded contact as a share of the edge length of the finer side: half of it, so that ridges that cross meet samples, not
+/// Distance between samples of guarded contact as a fraction of the edge length of the finer side: half of it, so that ridges that cross meet samples, not
 /// only each other's edges, whose barriers are thin.
 const SPACING: f64 = 0.5;
-/// Share of the det of a cell below which moving nodes has folded it.
+/// Fraction of the det of a cell below which moving nodes has folded it.
 const FOLDED: f64 = 0.1;
 /// Sweeps that carry the displacement of the surfaces into the solids.
 const SWEEPS: usize = 40;

@@ -60,7 +60,7 @@ impl Load {
         }
     }
 
-    /// The load a share `t` of the way to `end`; bodies turn about `pivots` \[m\] of the mesh.
+    /// The load a fraction `t` of the way to `end`; bodies turn about `pivots` \[m\] of the mesh.
     pub fn towards(&self, end: &Load, pivots: &[[f64; 3]], t: f64) -> Load {
         // Both ends exactly: frames of a run meet there.
         if t == 0.0 || t == 1.0 {

@@ -8,7 +8,7 @@ use super::flow::Flow;
 use super::island::{FORCE_BATCH, Island, STIFFNESS_BATCH};
 use super::load::{Load, Motion};
 use super::slide::Slide;
-use crate::effect::{Anchored, Effect, IslandTerm, Part, State};
+use crate::effect::{Anchored, Effect, EffectKind, IslandTerm, State};
 use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
@@ -201,11 +201,11 @@ impl Potential for LoadedIsland {
         let mut scale = island.least_scale;
         for (e, effect) in island.effects.iter().enumerate() {
             let mut g = island.effect_gradient(e, &s);
-            if effect.part() == Part::Load {
+            if effect.kind() == EffectKind::Load {
                 let motions = island.motion.iter().flatten();
                 g.iter_mut().zip(motions).filter(|(_, m)| !m.is_unknown()).for_each(|(g, _)| *g = 0.0);
             }
-            if effect.part() != Part::Matrix {
+            if effect.kind() != EffectKind::Matrix {
                 scale = scale.max(norm(&g));
             }
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);

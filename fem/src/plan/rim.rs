@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
 /// Sine of the angle between an edge and the plane in which it slides that still counts as none. The strip that it sweeps then adds forces
-/// below this share of the pressure on the strip; coordinates of single precision, or written with six digits, are good for it.
+/// below this fraction of the pressure on the strip; coordinates of single precision, or written with six digits, are good for it.
 const TILT: f64 = 1e-5;
 /// Relative difference of displacements that counts as none.
 const ROUND_OFF: f64 = 1e-9;

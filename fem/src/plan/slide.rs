@@ -37,8 +37,8 @@ impl Slide {
     pub fn new(constraints: &[(Vector3<f64>, Along)]) -> Result<Slide, [usize; 2]> {
         let mut kept: Vec<usize> = Vec::new();
         for (i, (n, along)) in constraints.iter().enumerate() {
-            // What is left of the direction across those kept, and the share of each in it.
-            let (rest, shares) = split(*n, &kept.iter().map(|&k| constraints[k].0).collect::<Vec<_>>());
+            // What is left of the direction across those kept, and the factor of each in it.
+            let (rest, factors) = split(*n, &kept.iter().map(|&k| constraints[k].0).collect::<Vec<_>>());
             if rest.norm() > PARALLEL {
                 let follows = |a: &Along| matches!(a, Along::Node(_));
                 if let Some(&other) = kept.iter().find(|&&k| follows(along) && follows(&constraints[k].1)) {
@@ -49,10 +49,10 @@ impl Slide {
             }
             // Nothing new: it must agree with what those kept prescribe along it.
             let mut implied: Vec<(Along, f64)> =
-                kept.iter().zip(&shares).map(|(&k, share)| (constraints[k].1, *share)).collect();
+                kept.iter().zip(&factors).map(|(&k, factor)| (constraints[k].1, *factor)).collect();
             implied.push((*along, -1.0));
             if !cancels(&implied) {
-                let other = kept.iter().zip(&shares).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+                let other = kept.iter().zip(&factors).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
                 return Err([i, *other.map_or(&0, |(k, _)| k)]);
             }
         }
@@ -115,9 +115,9 @@ fn split(v: Vector3<f64>, basis: &[Vector3<f64>]) -> (Vector3<f64>, Vec<f64>) {
     }
     let B = nalgebra::Matrix3xX::from_columns(basis);
     let gram = B.transpose() * &B;
-    let shares = gram.try_inverse().map(|inverse| inverse * B.transpose() * v);
-    let shares = shares.unwrap_or_else(|| nalgebra::DVector::zeros(basis.len()));
-    (v - &B * &shares, shares.as_slice().to_vec())
+    let factors = gram.try_inverse().map(|inverse| inverse * B.transpose() * v);
+    let factors = factors.unwrap_or_else(|| nalgebra::DVector::zeros(basis.len()));
+    (v - &B * &factors, factors.as_slice().to_vec())
 }
 
 /// Whether prescriptions times factors add up to nothing, whatever the controls and nodes do.

@@ -292,7 +292,7 @@ pub struct Weights {
     pub nodes_per_cell: usize,
     /// Nodes of all cells, in the numbering of the mesh.
     pub nodes: Vec<u32>,
-    /// Share of the weight of a cell \[N\] on each of its nodes: ∫ρ g N_a dV.
+    /// The part of the weight of a cell \[N\] on each of its nodes: ∫ρ g N_a dV.
     pub forces: Vec<[f64; 3]>,
 }
 
@@ -320,9 +320,9 @@ pub fn weights(
 /// ∫N_a² dV (Hinton, Rock & Zienkiewicz, Earthq. Eng. Struct. Dyn. 4 (1976)).
 pub fn masses(spec: &SolidSpec, mesh: &Mesh) -> Result<Vec<(u32, f64)>, SceneError> {
     // A weight along x under unit acceleration is a mass.
-    let shares = weights(spec, mesh, [1.0, 0.0, 0.0], 0)?;
-    let mut masses: Vec<f64> = shares.forces.iter().map(|f| f[0]).collect();
-    if shares.nodes_per_cell == 10 {
+    let weights = weights(spec, mesh, [1.0, 0.0, 0.0], 0)?;
+    let mut masses: Vec<f64> = weights.forces.iter().map(|f| f[0]).collect();
+    if weights.nodes_per_cell == 10 {
         let rule = shape::tet10();
         let square = |a: usize| rule.n.iter().zip(&rule.w).map(|(n, w)| w * n[a] * n[a]).sum::<f64>();
         let squares: Vec<f64> = (0..10).map(square).collect();
@@ -332,7 +332,7 @@ pub fn masses(spec: &SolidSpec, mesh: &Mesh) -> Result<Vec<(u32, f64)>, SceneErr
             cell.iter_mut().zip(&squares).for_each(|(m, s)| *m = mass * s / sum);
         }
     }
-    Ok(shares.nodes.into_iter().zip(masses).collect())
+    Ok(weights.nodes.into_iter().zip(masses).collect())
 }
 
 fn cell_weights<const N: usize, const G: usize>(
@@ -345,9 +345,9 @@ fn cell_weights<const N: usize, const G: usize>(
     for (cell, nodes) in block.nodes.as_chunks::<N>().0.iter().enumerate() {
         let element = SolidElement::new(rule, &nodes.map(|n| mesh.points[n as usize]))
             .map_err(|det| SceneError::Shape { block: block.name.clone(), cell, det })?;
-        let mut share = [[0.0; 3]; N];
-        add_weight(&element, &rule.n, force, &mut share);
-        forces.extend(share);
+        let mut forces_of_cell = [[0.0; 3]; N];
+        add_weight(&element, &rule.n, force, &mut forces_of_cell);
+        forces.extend(forces_of_cell);
     }
     Ok(forces)
 }

@@ -431,14 +431,14 @@ impl BlockMatrix {
         }
     }
 
-    /// Adds to every diagonal entry `share` of its size, at least `share` of a thousandth of the largest.
-    pub fn shift(&mut self, share: f64) {
+    /// Adds to every diagonal entry `fraction` of its size, at least `fraction` of a thousandth of the largest.
+    pub fn shift(&mut self, fraction: f64) {
         let largest = (0..3 * self.pattern.n_nodes()).map(|i| self.diagonal(i).abs()).fold(0.0, f64::max);
         for i in 0..self.pattern.n_nodes() {
             let at = self.pattern.row(i).binary_search(&(i as u32)).expect("the diagonal is in the pattern");
             let block = &mut self.blocks[self.pattern.row_start[i] + at];
             for c in 0..3 {
-                block[4 * c] += share * block[4 * c].abs().max(1e-3 * largest);
+                block[4 * c] += fraction * block[4 * c].abs().max(1e-3 * largest);
             }
         }
     }

@@ -8,7 +8,7 @@ const LEAST: f64 = 1.0 / 256.0;
 /// Iterations at most that go by until less is tried again.
 const LONGEST_WAIT: u32 = 8;
 
-/// The share of the negative curvatures that the next Hessian loses, see [`Potential::hessian`](super::Potential::hessian): a quarter of
+/// The fraction of the negative curvatures that the next Hessian loses, see [`Potential::hessian`](super::Potential::hessian): a quarter of
 /// what made the last one definite. Where less keeps failing it is tried less often, for a trial costs a Hessian.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Convexity {
@@ -44,20 +44,20 @@ impl Convexity {
         self.next = FIRST;
     }
 
-    /// A Hessian that lost `share` was definite, the one of `next` or one after it.
-    pub(super) fn suffices(&mut self, share: f64) {
-        if share > self.next {
+    /// A Hessian that lost `fraction` was definite, the one of `next` or one after it.
+    pub(super) fn suffices(&mut self, fraction: f64) {
+        if fraction > self.next {
             self.patience.fail();
-        } else if share < self.enough {
+        } else if fraction < self.enough {
             self.patience.succeed();
         }
-        if share > 0.0 {
-            self.enough = share;
+        if fraction > 0.0 {
+            self.enough = fraction;
         }
         self.next = match self.may_fall && self.patience.is_over() {
-            false => share,
-            true if share / 4.0 < LEAST => 0.0,
-            true => share / 4.0,
+            false => fraction,
+            true if fraction / 4.0 < LEAST => 0.0,
+            true => fraction / 4.0,
         };
     }
 }

@@ -7,19 +7,19 @@ use super::linear::dot;
 use super::newton::Run;
 use super::{Loading, Reason};
 
-/// Shortest share of a Newton step or of a load step carried over that is tried.
+/// Shortest fraction of a Newton step or of a load step carried over that is tried.
 const LEAST_STEP_LENGTH: f64 = 1e-6;
-/// Share of the predicted decrease that a step must reach (Armijo).
+/// Fraction of the predicted decrease that a step must reach (Armijo).
 const ARMIJO: f64 = 1e-4;
-/// Shortest share of a free step that is tried past a jump of the energy.
+/// Shortest fraction of a free step that is tried past a jump of the energy.
 const LEAST_JUMP: f64 = 1e-3;
-/// Share of the slope that may be left there.
+/// Fraction of the slope that may be left there.
 const SLOPE_LEFT: f64 = 0.9;
-/// Energy differences below this share of the energy are taken for round-off.
+/// Energy differences below this fraction of the energy are taken for round-off.
 const ENERGY_ROUND_OFF: f64 = 1e-11;
 
 impl Run<'_> {
-    /// Finds the share of `dx` to take; leaves x + share · dx in `trial` and its energy in `energy`. `round_off` of the
+    /// Finds the fraction of `dx` to take; leaves x + fraction · dx in `trial` and its energy in `energy`. `round_off` of the
     /// energy \[J\] where it is near zero.
     pub(super) fn line_search(
         &self,
@@ -106,7 +106,7 @@ impl Run<'_> {
         Err(Reason::NoDescent)
     }
 
-    /// Greatest share of `dx` on whose way from the places `from` nothing touches; 1 where nothing can. Overwrites `trial`.
+    /// Greatest fraction of `dx` on whose way from the places `from` nothing touches; 1 where nothing can. Overwrites `trial`.
     fn free_length(
         &self,
         potential: &dyn Loading,

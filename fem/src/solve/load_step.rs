@@ -1,6 +1,6 @@
 //! One load step: the load is carried over, Newton's method finds the equilibrium, an unstable one is left.
 //!
-//! From t₀ to t₁ K Δx = −(g + ∂g/∂t (t₁ − t)) moves the free nodes along with what is prescribed, by the largest share of the
+//! From t₀ to t₁ K Δx = −(g + ∂g/∂t (t₁ − t)) moves the free nodes along with what is prescribed, by the largest fraction of the
 //! step that inverts nothing; from there Newton's method starts.
 
 use super::convexity::Convexity;
@@ -9,15 +9,15 @@ use super::newton::{Run, Taken};
 use super::{Loading, NotConverged, Reason, Stability, Way};
 use std::time::Instant;
 
-/// While the load is carried over, least det F may fall to this share in one go.
-const DET_F_SHARE: f64 = 0.1;
-/// Shortest share of what is left of a load step that is carried over at once.
+/// While the load is carried over, least det F may fall to this fraction in one go.
+const DET_F_FRACTION: f64 = 0.1;
+/// Shortest fraction of what is left of a load step that is carried over at once.
 const LEAST_CARRY: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
 /// The same where what is left of overlaps does not let itself be parted.
 const CLOSER: f64 = 0.01;
-/// Shares of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
+/// Fractions of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
 /// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
 const SCHEDULE: [f64; 3] = [0.8, 0.1, 0.03];
 /// Iterations that softened contact may take.
@@ -231,13 +231,13 @@ impl Run<'_> {
                 trial.copy_from_slice(x);
                 potential.carry(next, &mut trial);
                 // No point may come past the middle of a body at once.
-                let share = potential.collision_free_step(&places, &trial);
-                if share < 1.0 && length > LEAST_CARRY * piece {
+                let fraction = potential.collision_free_step(&places, &trial);
+                if fraction < 1.0 && length > LEAST_CARRY * piece {
                     potential.set_load(t, x);
-                    length *= (0.9 * share).clamp(0.1, 0.9);
+                    length *= (0.9 * fraction).clamp(0.1, 0.9);
                     continue;
                 }
-                if share < 1.0 || !(potential.least_det_f(&trial).0 >= DET_F_SHARE * det_before) {
+                if fraction < 1.0 || !(potential.least_det_f(&trial).0 >= DET_F_FRACTION * det_before) {
                     potential.set_load(t, x);
                     break;
                 }
@@ -288,10 +288,10 @@ impl Run<'_> {
             }
             let start = Instant::now();
             // ∂g/∂t by a difference over a millionth of the way: only a prediction hangs on it.
-            let share = 1e-6;
+            let fraction = 1e-6;
             potential.gradient(x, &mut g);
             moved.copy_from_slice(x);
-            potential.set_load(t + share * (target - t), &mut moved);
+            potential.set_load(t + fraction * (target - t), &mut moved);
             potential.gradient(&moved, &mut ahead);
             potential.set_load(t, x);
             let places = potential.touching(x);
@@ -300,7 +300,7 @@ impl Run<'_> {
                 potential.set_load(target, x); // nothing moves with the load: no step to predict
                 return Ok(target);
             }
-            let rhs: Vec<f64> = (0..n).map(|i| -g[i] - (ahead[i] - g[i]) / share).collect();
+            let rhs: Vec<f64> = (0..n).map(|i| -g[i] - (ahead[i] - g[i]) / fraction).collect();
             self.report.assembly_s += start.elapsed().as_secs_f64();
             if rhs.iter().any(|r| !r.is_finite()) {
                 return Err(self.failure(potential, x, Reason::NotFinite, iteration, &g));
@@ -308,7 +308,7 @@ impl Run<'_> {
             let (report, projected) = self.direction(potential, x, rhs, 1e-3, &mut dx)?;
             for i in 0..n {
                 if self.is_fixed(i) {
-                    dx[i] = (moved[i] - x[i]) / share;
+                    dx[i] = (moved[i] - x[i]) / fraction;
                 }
             }
             let (det_before, _) = potential.least_det_f(x);
@@ -321,7 +321,7 @@ impl Run<'_> {
                 potential.set_load(load, &mut trial);
                 let free =
                     if places.is_empty() { 1.0 } else { potential.collision_free_step(&places, &trial) };
-                if free >= 1.0 && is_sound(potential, &trial, DET_F_SHARE * det_before) {
+                if free >= 1.0 && is_sound(potential, &trial, DET_F_FRACTION * det_before) {
                     x.copy_from_slice(&trial);
                     t = load;
                     break;
@@ -378,7 +378,7 @@ impl Run<'_> {
             trial.copy_from_slice(x);
             potential.carry(load, &mut trial);
             if potential.collision_free_step(&places, &trial) >= 1.0
-                && is_sound(potential, &trial, DET_F_SHARE * det_before)
+                && is_sound(potential, &trial, DET_F_FRACTION * det_before)
             {
                 x.copy_from_slice(&trial);
                 reached = load;

@@ -21,7 +21,7 @@ pub struct Iteration {
     pub force_scale: f64,
     /// Potential Π \[J\].
     pub energy: f64,
-    /// Share of the Newton step taken; in softened contact single nodes may have gone less.
+    /// Fraction of the Newton step taken; in softened contact single nodes may have gone less.
     pub step_length: f64,
     /// Least det F.
     pub least_det_f: f64,

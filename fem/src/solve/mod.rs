@@ -29,5 +29,5 @@ pub use linear::{LinearReport, LinearSolver};
 pub use log::{Iteration, IterationLog};
 pub use outcome::{Advance, NotConverged, Reason, SolveError};
 pub use potential::{Admissible, Loading, Potential};
-pub use rigid::{FreePart, free_parts};
+pub use rigid::{LooseComponent, loose_components};
 pub use solver::{Settings, Solver, Stability, Way};

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Length of a step below which softened contact is asked for a better guess.
 const CUT_SHORT: f64 = 0.25;
-/// Share of the slope of a Newton direction that has to be left where the ways of single nodes are shortened.
+/// Fraction of the slope of a Newton direction that has to be left where the ways of single nodes are shortened.
 const LEAST_SLOPE: f64 = 0.1;
 
 /// One call of `advance`.
@@ -306,8 +306,8 @@ fn shortened(dx: &[f64], g: &[f64], longest: f64) -> Option<Vec<f64>> {
     }
     let mut short = dx.to_vec();
     for u in short.chunks_exact_mut(3) {
-        let share = (longest / length(u)).min(1.0);
-        u.iter_mut().for_each(|u| *u *= share);
+        let fraction = (longest / length(u)).min(1.0);
+        u.iter_mut().for_each(|u| *u *= fraction);
     }
     (dot(g, &short) <= LEAST_SLOPE * dot(g, dx)).then_some(short)
 }

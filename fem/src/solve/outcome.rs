@@ -1,6 +1,6 @@
 //! How a load ended: what it took, or where and why it could be carried no farther.
 
-use super::FreePart;
+use super::LooseComponent;
 use thiserror::Error;
 
 /// How an island came to equilibrium under the full load.
@@ -225,7 +225,7 @@ pub enum SolveError {
         /// Name of the island.
         island: String,
         /// What can move, and how.
-        parts: Vec<FreePart>,
+        parts: Vec<LooseComponent>,
     },
     /// Solver settings that cannot be.
     #[error("solver settings: {}", mistakes.join("; "))]

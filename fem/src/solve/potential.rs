@@ -70,7 +70,7 @@ pub trait Admissible: Send + Sync {
         f64::INFINITY
     }
 
-    /// Greatest share 0..=1 of the straight way from the places `from` ([`touching`](Admissible::touching)) to those at `x` and
+    /// Greatest fraction 0..=1 of the straight way from the places `from` ([`touching`](Admissible::touching)) to those at `x` and
     /// the present load on which nothing touches.
     fn collision_free_step(&self, _from: &[f64], _x: &[f64]) -> f64 {
         1.0
@@ -107,7 +107,7 @@ pub trait Loading: Potential + Admissible {
         0
     }
 
-    /// Softens what keeps surfaces apart below the share `softness` of the distance at which it begins, so that they may penetrate each
+    /// Softens what keeps surfaces apart below the fraction `softness` of the distance at which it begins, so that they may penetrate each
     /// other on the way to a guess; 0: it is itself again. Returns whether it can.
     fn soften(&mut self, _softness: f64) -> bool {
         false
@@ -118,7 +118,7 @@ pub trait Loading: Potential + Admissible {
         true
     }
 
-    /// Moves the nodes at `x` apart where surfaces are closer than the share `softness` of the distance at which what keeps them apart begins;
+    /// Moves the nodes at `x` apart where surfaces are closer than the fraction `softness` of the distance at which what keeps them apart begins;
     /// returns whether nothing is any more.
     fn untangle(&self, _x: &mut [f64], _softness: f64) -> bool {
         true

@@ -12,7 +12,7 @@ const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
 
 /// A part of the mesh that can move rigidly without any force.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FreePart {
+pub struct LooseComponent {
     /// Its least free node.
     pub node: usize,
     /// Its number of free nodes.
@@ -21,7 +21,7 @@ pub struct FreePart {
     pub directions: Vec<String>,
 }
 
-impl std::fmt::Display for FreePart {
+impl std::fmt::Display for LooseComponent {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         write!(f, "{} nodes from free node {} on: {}", self.n_nodes, self.node, self.directions.join(", "))
     }
@@ -30,8 +30,8 @@ impl std::fmt::Display for FreePart {
 /// Parts of the graph (components) whose rigid motions are neither resisted by `k` nor prescribed by `fixed`.
 ///
 /// `x`: positions of the free nodes \[m\], best those of the unstressed shape.
-pub fn free_parts(k: &BlockMatrix, fixed: &[bool], x: &[f64]) -> Vec<FreePart> {
-    components(k.pattern()).into_iter().filter_map(|nodes| free_part(k, fixed, x, &nodes)).collect()
+pub fn loose_components(k: &BlockMatrix, fixed: &[bool], x: &[f64]) -> Vec<LooseComponent> {
+    components(k.pattern()).into_iter().filter_map(|nodes| loose_component(k, fixed, x, &nodes)).collect()
 }
 
 /// Connected components, each sorted.
@@ -60,7 +60,7 @@ fn components(pattern: &Pattern) -> Vec<Vec<usize>> {
 
 /// The rigid motions R of a part whose forces K R are round-off at every node against the stiffness of that node (not
 /// against the stiffest: tissue beside steel still supports), with a unit spring on every fixed unknown.
-fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Option<FreePart> {
+fn loose_component(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Option<LooseComponent> {
     let at = |i: usize| Vector3::from_column_slice(&x[3 * i..3 * i + 3]);
     let centre = nodes.iter().map(|&i| at(i)).sum::<Vector3<f64>>() / nodes.len() as f64;
     let radius = nodes.iter().map(|&i| (at(i) - centre).norm_squared()).sum::<f64>() / nodes.len() as f64;
@@ -118,7 +118,7 @@ fn free_part(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Opt
         return None;
     }
     let space = basis * DMatrix::from_fn(moving.len(), free.len(), |r, c| directions[(r, free[c])]);
-    Some(FreePart { node: nodes[0], n_nodes: nodes.len(), directions: name(space, centre) })
+    Some(LooseComponent { node: nodes[0], n_nodes: nodes.len(), directions: name(space, centre) })
 }
 
 /// The triangle R of a QR factorization of a matrix of six columns, row by row.

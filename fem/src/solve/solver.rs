@@ -5,7 +5,7 @@
 use super::convexity::Convexity;
 use super::linear::LinearSolver;
 use super::newton::{Run, extent};
-use super::rigid::free_parts;
+use super::rigid::loose_components;
 use super::{Advance, Analysis, BlockMatrix, Iteration, Loading, NotConverged, Pattern, Reason, SolveError};
 use std::sync::Arc;
 use std::time::Instant;
@@ -247,7 +247,7 @@ impl Solver {
             let analysis = Arc::new(Analysis::new(pattern, x));
             let mut k = BlockMatrix::zeros(pattern.clone());
             potential.hessian(x, 0.0, &mut k);
-            let parts = free_parts(&k, potential.fixed(), x);
+            let parts = loose_components(&k, potential.fixed(), x);
             if !parts.is_empty() && potential.touching(x).is_empty() && !potential.holds_free_bodies() {
                 self.kept = None;
                 return Err(SolveError::Unsupported { island: self.name.clone(), parts });

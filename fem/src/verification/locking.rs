@@ -15,8 +15,8 @@ pub fn cook(refined: bool) -> Result<Vec<Check>, VerificationError> {
     let mesh = generate::cook(n);
     // 100 N spread evenly: the faces of the edge are equal rectangles, a quarter of each to each corner.
     let faces = mesh.surface("x_max").map_err(|source| VerificationError::Mesh { case: CASE, source })?;
-    let share = 100.0 / faces.len() as f64 / 4.0;
-    let loads = faces.iter().flatten().map(|&node| (node, [0.0, share, 0.0])).collect();
+    let force = 100.0 / faces.len() as f64 / 4.0;
+    let loads = faces.iter().flatten().map(|&node| (node, [0.0, force, 0.0])).collect();
     let scene = Scene {
         solids: vec![SolidSpec {
             law: LawSpec::NeoHookeanUncoupled { mu: 80.1938e6, bulk: 400_889.8e6 },

@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-/// Pivots below this share of the largest entry count as zero.
+/// Pivots below this fraction of the largest entry count as zero.
 const SINGULAR: f64 = 1e-14;
 
 /// A square system, stored by rows in the placed order.

@@ -241,8 +241,8 @@ fn fill_failed(model: &Model, frames: Vec<Result<FittedFrame, FitVerdict>>) -> V
                 let after = around[k].1.and_then(|i| Some((i, fitted[i]?)));
                 let (guess, how) = match (before, after) {
                     (Some((i, a)), Some((j, b))) => {
-                        let share = (k - i) as f64 / (j - i) as f64;
-                        ((1.0 - share) * a + share * b, "posture interpolated between fitted frames")
+                        let fraction = (k - i) as f64 / (j - i) as f64;
+                        ((1.0 - fraction) * a + fraction * b, "posture interpolated between fitted frames")
                     }
                     (Some((_, a)), None) => (a, "posture of the last fitted frame"),
                     (None, Some((_, b))) => (b, "posture of the first fitted frame"),

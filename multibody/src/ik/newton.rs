@@ -134,15 +134,15 @@ impl<'a> Solver<'a> {
                 0.5 * markers + weight * phi.iter().map(|v| v.abs()).sum::<f64>()
             };
             let before = merit(&Q);
-            let mut share = 1.0;
+            let mut fraction = 1.0;
             let (poses_before, lambda_before) = (*poses, lambda.clone());
             loop {
-                self.step(poses, lambda, share);
+                self.step(poses, lambda, fraction);
                 self.write(poses, &mut Q);
-                if merit(&Q) < before || share < 1e-3 {
+                if merit(&Q) < before || fraction < 1e-3 {
                     break;
                 }
-                share *= 0.5;
+                fraction *= 0.5;
                 *poses = poses_before;
                 lambda.copy_from(&lambda_before);
             }
@@ -280,17 +280,17 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Moves by `share` of the solution in `rhs`, less where a segment would turn too far.
-    fn step(&self, poses: &mut [Pose; 5], lambda: &mut DVector<f64>, share: f64) {
+    /// Moves by `fraction` of the solution in `rhs`, less where a segment would turn too far.
+    fn step(&self, poses: &mut [Pose; 5], lambda: &mut DVector<f64>, fraction: f64) {
         let turn = |k: usize| Vector3::from(self.rhs.fixed_rows::<3>(6 * k));
         let largest = (0..5).map(|k| turn(k).norm()).fold(0.0, f64::max);
-        let share = share * if largest > LARGEST_TURN { LARGEST_TURN / largest } else { 1.0 };
+        let fraction = fraction * if largest > LARGEST_TURN { LARGEST_TURN / largest } else { 1.0 };
         for (k, pose) in poses.iter_mut().enumerate() {
-            pose.R = rotation(&(share * turn(k))) * pose.R;
-            pose.p += share * Vector3::from(self.rhs.fixed_rows::<3>(6 * k + 3));
+            pose.R = rotation(&(fraction * turn(k))) * pose.R;
+            pose.p += fraction * Vector3::from(self.rhs.fixed_rows::<3>(6 * k + 3));
         }
         for k in 0..self.m {
-            lambda[k] += share * self.rhs[30 + k];
+            lambda[k] += fraction * self.rhs[30 + k];
         }
     }
 

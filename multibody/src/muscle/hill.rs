@@ -105,9 +105,9 @@ pub enum HillError {
     },
 }
 
-/// How many samples hit a limit, as shares 0..1 of the samples that could be computed.
+/// How many samples hit a limit, as fractions 0..1 of the samples that could be computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Shares {
+pub struct Fractions {
     /// Samples that could be computed.
     pub n_samples: usize,
     /// Activation clipped at 0: mostly a resting muscle with passive force, which the force sharing does not know.
@@ -132,9 +132,9 @@ pub struct HillResult {
     /// Fibre velocity V, in multiples of v_max l_opt, lengthening positive.
     pub fibre_velocity: DMatrix<f64>,
     /// Clipping per muscle.
-    pub shares: Vec<Shares>,
+    pub fractions: Vec<Fractions>,
     /// Clipping over all muscles.
-    pub overall: Shares,
+    pub overall: Fractions,
 }
 
 /// Activations from musculotendon lengths \[m\] and tendon forces \[N\], both n_frames × n_muscles in the order of
@@ -166,8 +166,8 @@ pub fn activations(
         unclipped: missing.clone(),
         fibre_length: missing.clone(),
         fibre_velocity: missing,
-        shares: Vec::with_capacity(n_muscles),
-        overall: Shares::default(),
+        fractions: Vec::with_capacity(n_muscles),
+        overall: Fractions::default(),
     };
     let mut total = Counts::default();
     for (m, unit) in units.iter().enumerate() {
@@ -203,10 +203,10 @@ pub fn activations(
                 result.fibre_velocity[(i, m)] = V[k];
             }
         }
-        result.shares.push(counts.shares());
+        result.fractions.push(counts.fractions());
         total.add(&counts);
     }
-    result.overall = total.shares();
+    result.overall = total.fractions();
     Ok(result)
 }
 
@@ -410,7 +410,7 @@ fn stretches(n_frames: usize, present: impl Fn(usize) -> bool) -> Vec<std::ops::
     ranges
 }
 
-/// Numbers behind [`Shares`].
+/// Numbers behind [`Fractions`].
 #[derive(Default)]
 struct Counts {
     samples: usize,
@@ -429,14 +429,14 @@ impl Counts {
         self.without_velocity += other.without_velocity;
     }
 
-    fn shares(&self) -> Shares {
-        let share = |count: usize| count as f64 / self.samples.max(1) as f64;
-        Shares {
+    fn fractions(&self) -> Fractions {
+        let fraction = |count: usize| count as f64 / self.samples.max(1) as f64;
+        Fractions {
             n_samples: self.samples,
-            below_zero: share(self.below_zero),
-            above_one: share(self.above_one),
-            length_limited: share(self.length_limited),
-            without_velocity: share(self.without_velocity),
+            below_zero: fraction(self.below_zero),
+            above_one: fraction(self.above_one),
+            length_limited: fraction(self.length_limited),
+            without_velocity: fraction(self.without_velocity),
         }
     }
 }

@@ -12,9 +12,9 @@ const LARGEST_FORCE: f64 = 1e6;
 /// Newtons per pound-force.
 const POUND_FORCE: f64 = 4.448_221_6;
 
-/// Share of each load cell in the medial force; the rest is lateral. Subject JW, fourth Grand Challenge Competition to
+/// Fraction of each load cell in the medial force; the rest is lateral. Subject JW, fourth Grand Challenge Competition to
 /// Predict In Vivo Knee Loads (Fregly et al., J Orthop Res 2012;30:503).
-const MEDIAL_SHARE: [(&str, f64); 4] = [("AM", 0.9871), ("PM", 0.9683), ("AL", 0.0387), ("PL", 0.0211)];
+const MEDIAL_FRACTION: [(&str, f64); 4] = [("AM", 0.9871), ("PM", 0.9683), ("AL", 0.0387), ("PL", 0.0211)];
 
 /// Tibiofemoral contact force, compression positive.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,9 +68,9 @@ fn parse(file: &Path, bytes: &[u8]) -> Result<KneeForces, InputError> {
     let names = cells(names);
     // Per wanted column, what a unit of it adds to the medial and to the lateral force.
     let wanted: Vec<(&'static str, [f64; 2])> = match names[0] {
-        CELLS_TIME => MEDIAL_SHARE
+        CELLS_TIME => MEDIAL_FRACTION
             .iter()
-            .map(|&(name, share)| (name, [POUND_FORCE * share, POUND_FORCE * (1.0 - share)]))
+            .map(|&(name, fraction)| (name, [POUND_FORCE * fraction, POUND_FORCE * (1.0 - fraction)]))
             .collect(),
         PLAIN_TIME => vec![("medial_N", [1.0, 0.0]), ("lateral_N", [0.0, 1.0])],
         other => {
@@ -78,11 +78,11 @@ fn parse(file: &Path, bytes: &[u8]) -> Result<KneeForces, InputError> {
             return Err(malformed(file, Place::Line(line), problem, "it must be `time_s` or `Time(sec)`"));
         }
     };
-    let column = |&(name, shares): &(&'static str, [f64; 2])| {
+    let column = |&(name, fractions): &(&'static str, [f64; 2])| {
         let remedy = "wanted are medial_N and lateral_N after time_s, or PM, AM, AL and PL after Time(sec)";
         let problem = || format!("there is no column `{name}`");
         let at = names.iter().position(|n| *n == name);
-        Ok((name, at.ok_or_else(|| malformed(file, Place::Line(line), problem(), remedy))?, shares))
+        Ok((name, at.ok_or_else(|| malformed(file, Place::Line(line), problem(), remedy))?, fractions))
     };
     let columns = wanted.iter().map(column).collect::<Result<Vec<_>, InputError>>()?;
     let mut forces = KneeForces { time: Vec::new(), medial: Vec::new(), lateral: Vec::new() };
@@ -96,15 +96,15 @@ fn parse(file: &Path, bytes: &[u8]) -> Result<KneeForces, InputError> {
         let time = number(file, line, "time", row[0])?;
         check_increasing(file, line, time, forces.time.last())?;
         let mut force = [0.0; 2];
-        for &(name, at, shares) in &columns {
+        for &(name, at, fractions) in &columns {
             let cell = row.get(at).copied().unwrap_or("");
             let value = match cell.is_empty() || cell.eq_ignore_ascii_case("nan") {
                 true => f64::NAN,
                 false => number(file, line, name, cell)?,
             };
             // What a column adds nothing to does not suffer from its gaps.
-            for (sum, share) in force.iter_mut().zip(shares).filter(|(_, share)| *share != 0.0) {
-                *sum += share * value;
+            for (sum, fraction) in force.iter_mut().zip(fractions).filter(|(_, fraction)| *fraction != 0.0) {
+                *sum += fraction * value;
             }
         }
         if let Some(wrong) = force.iter().find(|f| f.abs() > LARGEST_FORCE) {

@@ -14,13 +14,13 @@ use super::{Blocking, Sharing, SharingProblem, SharingSolver};
 use crate::trial::{Shortfall, Status};
 
 /// Cost of forces relative to that of missing moments in the least-violation problem. Small, so that the
-/// forces only break ties: it moves the missing moments by about this share.
+/// forces only break ties: it moves the missing moments by about this fraction.
 const TIE_BREAK: f64 = 1e-8;
-/// Moments below this share of the largest required one (or of 1 N·m) are not missing.
+/// Moments below this fraction of the largest required one (or of 1 N·m) are not missing.
 const NOT_MISSING: f64 = 1e-6;
-/// A bound of x is in the way when its multiplier reaches this share of that of the missing moments.
+/// A bound of x is in the way when its multiplier reaches this fraction of that of the missing moments.
 const IN_THE_WAY: f64 = 1e-3;
-/// Raised strengths exceed the smallest sufficient ones by this share, so that there is an interior.
+/// Raised strengths exceed the smallest sufficient ones by this fraction, so that there is an interior.
 const RAISE_MARGIN: f64 = 1e-6;
 
 impl SharingSolver {

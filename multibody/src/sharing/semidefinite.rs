@@ -4,7 +4,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Pivots and slopes below this share of their size without the other rows belong to dependent rows.
+/// Pivots and slopes below this fraction of their size without the other rows belong to dependent rows.
 pub(super) const DEPENDENT: f64 = 1e-13;
 
 /// Cholesky factor of a positive semidefinite matrix with diagonal pivoting; the solution is 0 in the

@@ -192,13 +192,13 @@ pub fn fibre_force(law: &FibreLawSpec, area: f64, lambda: Wide, a: f64) -> Wide 
                 FibreStrain::Logarithmic => lambda.ln(),
             };
             let u = e + w(*contraction) * w(a);
-            let share = match toe {
+            let fraction = match toe {
                 None => u,
                 Some(_) if u <= Wide::ZERO => Wide::ZERO,
                 Some(toe) if u <= w(*toe) => u * u / w(2.0 * toe),
                 Some(toe) => u - w(0.5 * toe),
             };
-            w(*young) * w(area) * share
+            w(*young) * w(area) * fraction
         }
         // Thelen 2003, eqs. 3 and 4: γ = 0.45, k_PE = 5, ε₀ = 0.6.
         FibreLawSpec::Hill { sigma_max, lambda_opt } => {

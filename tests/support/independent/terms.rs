@@ -90,9 +90,9 @@ pub fn terms<'a>(scene: &'a Scene, mesh: &Mesh) -> Vec<Term<'a>> {
         terms.push(Term { groups, kind: Kind::Pressure { control: &spec.control } });
     }
     if let Some(gravity) = &scene.gravity {
-        let shares = cell_shares(scene, mesh, |_, n| n);
+        let fractions = cell_fractions(scene, mesh, |_, n| n);
         let mut weight = vec![Wide::ZERO; mesh.points.len()];
-        shares.into_iter().for_each(|(n, m)| weight[n as usize] = weight[n as usize] + m);
+        fractions.into_iter().for_each(|(n, m)| weight[n as usize] = weight[n as usize] + m);
         let loaded: Vec<u32> =
             (0..mesh.points.len() as u32).filter(|&n| weight[n as usize] != Wide::ZERO).collect();
         let force = |&n: &u32| gravity.acceleration.map(|a| Wide::new(a) * weight[n as usize]);
@@ -110,28 +110,28 @@ pub fn terms<'a>(scene: &'a Scene, mesh: &Mesh) -> Vec<Term<'a>> {
 
 /// Lumped masses \[kg\] of the nodes: row sums, in quadratic tetrahedra in proportion to ∫N² (Hinton, Rock & Zienkiewicz 1976).
 pub fn masses(scene: &Scene, mesh: &Mesh) -> Vec<Wide> {
-    let shares = cell_shares(scene, mesh, |kind, share| {
+    let fractions = cell_fractions(scene, mesh, |kind, fraction| {
         if kind != CellKind::Tet10 {
-            return share;
+            return fraction;
         }
-        let total: Wide = share.iter().copied().sum();
+        let total: Wide = fraction.iter().copied().sum();
         let square = |a: usize| -> Wide { rule(kind).iter().map(|p| p.weight * p.n[a] * p.n[a]).sum() };
         let squares: Vec<Wide> = (0..10).map(square).collect();
         let all: Wide = squares.iter().copied().sum();
         squares.into_iter().map(|s| total * s / all).collect()
     });
     let mut masses = vec![Wide::ZERO; mesh.points.len()];
-    shares.into_iter().for_each(|(n, m)| masses[n as usize] = masses[n as usize] + m);
+    fractions.into_iter().for_each(|(n, m)| masses[n as usize] = masses[n as usize] + m);
     masses
 }
 
-/// ∫ρ N_a dV of every node of every solid cell, a cell's shares changed by `change`.
-fn cell_shares(
+/// ∫ρ N_a dV of every node of every solid cell, a cell's fractions changed by `change`.
+fn cell_fractions(
     scene: &Scene,
     mesh: &Mesh,
     change: impl Fn(CellKind, Vec<Wide>) -> Vec<Wide>,
 ) -> Vec<(u32, Wide)> {
-    let mut shares = Vec::new();
+    let mut fractions = Vec::new();
     for spec in &scene.solids {
         let block = mesh.blocks.iter().find(|b| b.name == spec.region).expect("a block of the scene");
         let points = rule(block.kind);
@@ -139,12 +139,12 @@ fn cell_shares(
             let x: Vec<Vector> = cell.iter().map(|&n| mesh.points[n as usize].map(Wide::new)).collect();
             let volume = |p: &Point| p.weight * determinant(&jacobian(&x, &p.dn)) * Wide::new(spec.density);
             let volumes: Vec<Wide> = points.iter().map(volume).collect();
-            let share = |a: usize| points.iter().zip(&volumes).map(|(p, v)| p.n[a] * *v).sum();
-            let share = change(block.kind, (0..cell.len()).map(share).collect());
-            shares.extend(cell.iter().copied().zip(share));
+            let fraction = |a: usize| points.iter().zip(&volumes).map(|(p, v)| p.n[a] * *v).sum();
+            let fraction = change(block.kind, (0..cell.len()).map(fraction).collect());
+            fractions.extend(cell.iter().copied().zip(fraction));
         }
     }
-    shares
+    fractions
 }
 
 fn directions(spec: &SolidSpec, mesh: &Mesh, cells: &[Vec<u32>]) -> Vec<Vector> {

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use multibody::error::Mistakes;
 use multibody::model::Ankle;
 use multibody::muscle::curves::{Curves, DeGroote2016};
-use multibody::muscle::hill::{self, Shares, Tendon};
+use multibody::muscle::hill::{self, Fractions, Tendon};
 use multibody::muscle::path::Muscle;
 use multibody::share::SharingSettings;
 use multibody::sharing::{KKT_TOLERANCE, MuscleCost, ReactionCost, SharingOptions};
@@ -281,15 +281,15 @@ struct Leg {
 
 impl Leg {
     fn of(done: Optimized, arguments: &OptimizeArguments) -> Leg {
-        let info = |(muscle, shares): (&Muscle, &Shares)| MuscleInfo {
+        let info = |(muscle, fractions): (&Muscle, &Fractions)| MuscleInfo {
             full_name: muscle.full_name.clone(),
             f_max: muscle.f_max,
-            clipped: Some(shares.below_zero + shares.above_one),
+            clipped: Some(fractions.below_zero + fractions.above_one),
         };
         let time = &done.effort.time;
         Leg {
             settings: arguments.settings(&done),
-            muscles: done.model.muscles.iter().zip(&done.hill.shares).map(info).collect(),
+            muscles: done.model.muscles.iter().zip(&done.hill.fractions).map(info).collect(),
             cycle: (done.case.is_cycle && time.len() > 1).then(|| [time[0], time[time.len() - 1]]),
             simulated: simulated(&done),
             left_out: left_out(arguments, &done),
@@ -643,9 +643,9 @@ fn print(
                 r.coordinate,
                 r.largest_Nm,
                 r.time_s,
-                100.0 * r.share,
+                100.0 * r.fraction,
                 r.needed_Nm,
-                100.0 * r.share_of_peak,
+                100.0 * r.fraction_of_peak,
                 if r.is_much() { ": much" } else { "" }
             )?;
         }

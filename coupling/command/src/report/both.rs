@@ -95,7 +95,7 @@ const LEGS: [(&str, &str); 2] = [("right", "c1"), ("left", "c2")];
 
 impl<'a> Both<'a> {
     fn of(legs: [&'a OptimizeReport<'a>; 2]) -> Both<'a> {
-        // Cycles are compared by their share, ranges of time on the clock of the recording.
+        // Cycles are compared by their fraction, ranges of time on the clock of the recording.
         let cycles = (legs[0].cycle, legs[1].cycle);
         let times = match cycles {
             (Some(a), Some(b)) => [(legs[0], a), (legs[1], b)]
@@ -169,12 +169,12 @@ impl<'a> Both<'a> {
     }
 
     fn headline(&self) -> String {
-        let is_share = self.axis.cycle.is_some();
+        let is_fraction = self.axis.cycle.is_some();
         let first = self.legs[0].report;
         let mut out = format!(
             "<header data-start=\"0\" data-end=\"{}\"{}>\n<p class=\"eyebrow\">Sartorius · static optimization of both legs</p>\n<h1>{}</h1>\n<p class=\"subtitle\">{}</p>\n",
-            u8::from(is_share),
-            if is_share { " data-share=\"1\"" } else { "" },
+            u8::from(is_fraction),
+            if is_fraction { " data-fraction=\"1\"" } else { "" },
             escape(&first.trial.name),
             escape(&who(first.trial))
         );
@@ -196,8 +196,8 @@ impl<'a> Both<'a> {
         let _ = writeln!(
             out,
             "<p class=\"lead\">{}{peaks}</p>",
-            match is_share {
-                true => "Curves are over the share of each leg's own gait cycle.",
+            match is_fraction {
+                true => "Curves are over the fraction of each leg's own gait cycle.",
                 false => "Curves are over the time of the recording, as far as each leg is reported.",
             }
         );

@@ -257,7 +257,7 @@ impl View<'_> {
         }
         section(
             "Muscle forces",
-            "Tension in N over % of the gait cycle, each muscle on its own scale. Beside the name: peak force and its share of the \
+            "Tension in N over % of the gait cycle, each muscle on its own scale. Beside the name: peak force and its fraction of the \
              strength; a dashed line marks the strength where it is on the scale. Hatched: no solution.",
             &content,
         )

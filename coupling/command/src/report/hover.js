@@ -38,9 +38,9 @@
   const main = document.querySelector("main");
   const start = Number(main.querySelector("header").dataset.start);
   const end = Number(main.querySelector("header").dataset.end);
-  const share = main.querySelector("header").dataset.share;
+  const fraction = main.querySelector("header").dataset.fraction;
   const when = (t) =>
-    share
+    fraction
       ? `${(100 * t).toFixed(1)} %`
       : t.toFixed(3) + " s" + (end > start ? ` · ${((100 * (t - start)) / (end - start)).toFixed(1)} %` : "");
 

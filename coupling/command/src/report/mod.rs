@@ -39,7 +39,7 @@ pub struct MuscleInfo {
     pub full_name: String,
     /// Strength: the force that bounds it, or its maximal isometric force where sharing knows no bound \[N\].
     pub f_max: f64,
-    /// Share of frames in which no activation within 0..1 gives the force, 0..1; `None` where not computed.
+    /// Fraction of frames in which no activation within 0..1 gives the force, 0..1; `None` where not computed.
     pub clipped: Option<f64>,
 }
 
@@ -103,13 +103,13 @@ pub struct Summary {
     pub largest_load: Option<f64>,
     /// The muscle that carries it.
     pub largest_load_muscle: Option<String>,
-    /// Largest share of the required moments of a solved frame that reserves carry, all joint coordinates together.
+    /// Largest fraction of the required moments of a solved frame that reserves carry, all joint coordinates together.
     pub largest_reserve_share: f64,
     /// When \[s\]; `None` without reserves.
     pub largest_reserve_share_time_s: Option<f64>,
     /// The most that each reserve carries; empty without reserves.
     pub reserves: Vec<Reserve>,
-    /// Share of force samples of solved frames that activations within 0..1 cannot give, over all muscles.
+    /// Fraction of force samples of solved frames that activations within 0..1 cannot give, over all muscles.
     pub clipped_share: Option<f64>,
     /// Agreement with measured medial, lateral and total knee force, over the compared frames alone.
     pub measured: Option<[(&'static str, Agreement); 3]>,

@@ -14,14 +14,14 @@ pub struct TimeAxis {
     pub time: Vec<f64>,
     /// Heel strike to next heel strike \[s\]; `None` where the frames are no cycle, then the axis shows seconds.
     pub cycle: Option<[f64; 2]>,
-    /// Whether figures of a cycle show seconds, too; not where the times are shares of several cycles.
+    /// Whether figures of a cycle show seconds, too; not where the times are fractions of several cycles.
     pub seconds: bool,
     /// Times of ground contact, shaded \[s\].
     pub stance: Vec<[f64; 2]>,
 }
 
 impl TimeAxis {
-    /// Share of the cycle \[%\] at time `t`.
+    /// Fraction of the cycle \[%\] at time `t`.
     pub fn percent(&self, t: f64) -> Option<f64> {
         self.cycle.map(|[start, end]| 100.0 * (t - start) / (end - start))
     }

@@ -111,9 +111,10 @@ fn why(verdicts: &[Verdict], fits: &[FitVerdict], first: usize) -> String {
     lacks.retain(|l| l.1.abs() > worth_saying);
     for (coordinate, most, least, frames) in &lacks {
         let up_to = if significant(*most, 3) == significant(*least, 3) { "" } else { "up to " };
-        let share = if *frames < verdicts.len() { format!(" in {frames} of them") } else { String::new() };
+        let in_frames =
+            if *frames < verdicts.len() { format!(" in {frames} of them") } else { String::new() };
         let coordinate = coordinate.replace('_', " ");
-        parts.push(format!("{coordinate} lacks {up_to}{} N·m{share}", significant(*most, 3)));
+        parts.push(format!("{coordinate} lacks {up_to}{} N·m{in_frames}", significant(*most, 3)));
     }
     let mut reasons: Vec<&str> = Vec::new();
     if lacks.is_empty() {

@@ -10,7 +10,7 @@ use super::optimize::{View, words};
 use super::page::{grid, section, table};
 use super::svg::{fixed, significant};
 
-/// Above this share of the largest moment of a coordinate its reserve is marked: OpenSim's documentation ("Reserves and residuals")
+/// Above this fraction of the largest moment of a coordinate its reserve is marked: OpenSim's documentation ("Reserves and residuals")
 /// asks for less than 10 % of the peak joint moment.
 pub const MUCH: f64 = 0.1;
 
@@ -26,9 +26,9 @@ pub struct Reserve {
     /// Moment that is needed there \[N·m\].
     pub needed_Nm: f64,
     /// Reserve over reserve and muscles there, 0..1, as in `reserve_share` of the frame.
-    pub share: f64,
+    pub fraction: f64,
     /// Reserve over the largest moment that the coordinate needs in a solved frame.
-    pub share_of_peak: f64,
+    pub fraction_of_peak: f64,
 }
 
 impl Reserve {
@@ -48,8 +48,8 @@ impl Reserve {
                 largest_Nm: s[i],
                 time_s: effort.time[i],
                 needed_Nm: needed[i],
-                share: if both > 0.0 { largest / both } else { 0.0 },
-                share_of_peak: if peak > 0.0 { largest / peak } else { 0.0 },
+                fraction: if both > 0.0 { largest / both } else { 0.0 },
+                fraction_of_peak: if peak > 0.0 { largest / peak } else { 0.0 },
             })
         };
         columns.filter_map(reserve).collect()
@@ -57,7 +57,7 @@ impl Reserve {
 
     /// Whether it carries so much that the muscle forces are not to be relied on.
     pub fn is_much(&self) -> bool {
-        self.share_of_peak > MUCH
+        self.fraction_of_peak > MUCH
     }
 }
 
@@ -73,8 +73,8 @@ impl View<'_> {
                 significant(r.largest_Nm, 3),
                 self.when(r.time_s),
                 significant(r.needed_Nm, 3),
-                fixed(100.0 * r.share, 0),
-                fixed(100.0 * r.share_of_peak, 0),
+                fixed(100.0 * r.fraction, 0),
+                fixed(100.0 * r.fraction_of_peak, 0),
                 if r.is_much() { "much" } else { "" }.into(),
             ]
         };

@@ -24,7 +24,7 @@ const SPACING: f64 = 0.4e-3;
 const MARGIN: f64 = 12.0;
 /// Sections are looked for every so far along the limb \[m\].
 const STEP: f64 = 10e-3;
-/// A section shows a muscle where it cuts at least this share of its largest section.
+/// A section shows a muscle where it cuts at least this fraction of its largest section.
 const SHOWS: f64 = 0.5;
 /// Sections at most.
 const MOST: usize = 3;

@@ -143,14 +143,14 @@ fn force_cells(row: &Row, configuration: Configuration) -> String {
     };
     let difference = force.total - row.rigid;
     let mark = if difference.abs() > WORTH_EXPLAINING { " far" } else { "" };
-    let share = if row.rigid >= CARRIES {
+    let percent = if row.rigid >= CARRIES {
         format!(" title=\"{} %\"", fixed(100.0 * difference / row.rigid, 1))
     } else {
         String::new()
     };
     let sign = if difference > 0.0 && fixed(difference, 1) != "0.0" { "+" } else { "" };
     format!(
-        "<td class=\"n\">{}</td><td class=\"n{mark}\"{share}>{sign}{}</td>",
+        "<td class=\"n\">{}</td><td class=\"n{mark}\"{percent}>{sign}{}</td>",
         fixed(force.total, 1),
         fixed(difference, 1)
     )

@@ -33,7 +33,7 @@ const DIVERGING: [&str; 9] =
 /// Bones are ivory and tissue without value dark grey: neither is a colour of a field.
 const BONE: &str = "#eadaa6";
 const MISSING: &str = "#77746e";
-/// Colours end at this share of the values: stress peaks at single corners would leave everything else in one colour.
+/// Colours end at this fraction of the values: stress peaks at single corners would leave everything else in one colour.
 const SHOWN: f64 = 0.98;
 
 /// One frame as the viewer shows it.
@@ -105,8 +105,9 @@ fn safe(value: &Value) -> String {
 fn packed(frame: &Shown, low: &Vector3<f64>, high: &Vector3<f64>, ranges: &[[f64; 4]]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(2 * frame.places.len() * (3 + FIELDS.len()));
     let mut put = |value: f64, low: f64, high: f64| {
-        let share = if high > low { (value - low) / (high - low) } else { 0.0 };
-        let step = if value.is_finite() { (share.clamp(0.0, 1.0) * STEPS).round() as u16 } else { u16::MAX };
+        let fraction = if high > low { (value - low) / (high - low) } else { 0.0 };
+        let step =
+            if value.is_finite() { (fraction.clamp(0.0, 1.0) * STEPS).round() as u16 } else { u16::MAX };
         bytes.extend(step.to_le_bytes());
     };
     for p in &frame.places {
