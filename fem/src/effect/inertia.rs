@@ -64,7 +64,7 @@ impl IslandTerm for TimeStep {
     }
 
     /// What flies is not dragged along, and what is passed through on the way would be a tunnel.
-    fn may_be_carried(&self) -> bool {
+    fn may_be_predicted(&self) -> bool {
         false
     }
 }

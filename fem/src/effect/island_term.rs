@@ -29,8 +29,8 @@ pub trait IslandTerm: Send + Sync {
         false
     }
 
-    /// Whether bodies may drag the free nodes along, through others too, to a first guess.
-    fn may_be_carried(&self) -> bool {
+    /// Whether the predictor may drag the free nodes along with bodies, through others too.
+    fn may_be_predicted(&self) -> bool {
         true
     }
 

@@ -6,8 +6,8 @@
 
 #![allow(non_snake_case)]
 
-use super::flow::Flow;
 use super::load::{Load, Motion};
+use super::predictor::KinematicPredictor;
 use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};
 use crate::contact::{Contact, ContactTerm};
@@ -38,7 +38,7 @@ pub struct Island {
     /// Centre of the nodes tied to each body of the plan \[m\].
     pub(super) pivots: Arc<Vec<[f64; 3]>>,
     /// How bodies drag the free nodes along; found when first needed.
-    pub(super) flow: OnceLock<Option<Flow>>,
+    pub(super) predictor: OnceLock<Option<KinematicPredictor>>,
     /// Local node of each free node.
     pub(super) free_nodes: Vec<u32>,
     pub(super) fixed: Vec<bool>,
@@ -124,7 +124,7 @@ impl Island {
             slides,
             contact: None,
             pivots,
-            flow: OnceLock::new(),
+            predictor: OnceLock::new(),
             free_nodes,
             fixed,
             pattern,

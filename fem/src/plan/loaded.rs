@@ -4,9 +4,9 @@
 
 #![allow(non_snake_case)]
 
-use super::flow::Flow;
 use super::island::{FORCE_BATCH, Island, STIFFNESS_BATCH};
 use super::load::{Load, Motion};
+use super::predictor::KinematicPredictor;
 use super::slide::Slide;
 use crate::effect::{Anchored, Effect, EffectKind, IslandTerm, State};
 use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
@@ -274,12 +274,14 @@ impl Admissible for LoadedIsland {
 }
 
 impl LoadedIsland {
-    fn flow(&self) -> Option<&Flow> {
+    fn predictor(&self) -> Option<&KinematicPredictor> {
         let island = &self.island;
         let acted_on = || island.effects.iter().flat_map(|e| e.nodes()).copied();
         island
-            .flow
-            .get_or_init(|| Flow::new(&island.X, &island.motion, acted_on(), &island.free_nodes))
+            .predictor
+            .get_or_init(|| {
+                KinematicPredictor::new(&island.X, &island.motion, acted_on(), &island.free_nodes)
+            })
             .as_ref()
     }
 
@@ -319,14 +321,14 @@ impl Loading for LoadedIsland {
     }
 
     fn n_pieces(&self, t: f64) -> usize {
-        match self.displaces(t) && self.terms.iter().all(|term| term.may_be_carried()) {
+        match self.displaces(t) && self.terms.iter().all(|term| term.may_be_predicted()) {
             false => 0,
-            true => self.flow().map_or(0, |flow| flow.n_pieces(&self.load, &self.load_at(t))),
+            true => self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t))),
         }
     }
 
     fn soften(&mut self, softness: f64) -> bool {
-        let can = self.terms.iter().all(|term| term.may_be_carried())
+        let can = self.terms.iter().all(|term| term.may_be_predicted())
             && self.terms.iter().any(|term| term.can_soften());
         let softness = if can { softness } else { 0.0 };
         self.terms.iter_mut().filter(|term| term.can_soften()).for_each(|term| term.soften(softness));
@@ -348,10 +350,10 @@ impl Loading for LoadedIsland {
         true
     }
 
-    fn carry(&mut self, t: f64, x: &mut [f64]) {
+    fn predict(&mut self, t: f64, x: &mut [f64]) {
         let to = self.load_at(t);
-        if let Some(flow) = self.flow() {
-            flow.carry(&self.load, &to, x);
+        if let Some(predictor) = self.predictor() {
+            predictor.predict(&self.load, &to, x);
         }
         self.set_load(t, x);
     }

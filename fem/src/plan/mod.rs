@@ -6,7 +6,6 @@
 mod contact;
 mod embed;
 mod error;
-pub mod flow;
 mod followers;
 mod inertia;
 mod island;
@@ -14,6 +13,7 @@ mod lines;
 mod load;
 mod loaded;
 mod motion;
+pub mod predictor;
 mod rim;
 mod slide;
 mod solids;

@@ -12,7 +12,7 @@ use std::time::Instant;
 /// While the load is carried over, least det F may fall to this fraction in one go.
 const DET_F_FRACTION: f64 = 0.1;
 /// Shortest fraction of what is left of a load step that is carried over at once.
-const LEAST_CARRY: f64 = 1.0 / 256.0;
+const LEAST_PREDICTION: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
 /// The same where what is left of overlaps does not let itself be parted.
@@ -25,7 +25,7 @@ const MAX_SOFT_ITERATIONS: usize = 40;
 /// Unstable equilibria that are left in one load step.
 const MAX_KICKS: usize = 3;
 /// Attempts to carry the load over within one load step.
-const MAX_CARRIES: usize = 16;
+const MAX_PREDICTIONS: usize = 16;
 
 /// Whether no element is inverted at `x`, and none flatter than `least` where that is a bound.
 fn is_sound(potential: &dyn Loading, x: &[f64], least: f64) -> bool {
@@ -58,7 +58,7 @@ impl Run<'_> {
         self.may_approach = false;
         self.tolerance = self.settings.tolerance;
         let is_guided = self.settings.way == Way::Guided;
-        let softly = if is_guided { self.carry_softly(potential, x, t, target) } else { None };
+        let softly = if is_guided { self.predict_softened(potential, x, t, target) } else { None };
         let reached = match softly {
             Some(reached) => {
                 // Near a guess the true Hessian is hardly ever definite; whether it is counts only where stability does.
@@ -68,7 +68,7 @@ impl Run<'_> {
                 reached
             }
             None => {
-                let reached = self.carry_over(potential, x, t, target)?;
+                let reached = self.predict_guarded(potential, x, t, target)?;
                 self.may_approach = is_guided;
                 reached
             }
@@ -170,7 +170,7 @@ impl Run<'_> {
     /// Moves the load towards `target` through whatever the free nodes touch, see [`go_softly`](Self::go_softly), and
     /// half as far where that fails; returns the load reached, and otherwise leaves `x` and the load `t`.
     /// Where nothing touches or folds on the way there is nothing to gain by it.
-    fn carry_softly(
+    fn predict_softened(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
@@ -229,10 +229,10 @@ impl Run<'_> {
                 let next = if t + 1.01 * length > until { until } else { t + length };
                 let places = potential.touching(x);
                 trial.copy_from_slice(x);
-                potential.carry(next, &mut trial);
+                potential.predict(next, &mut trial);
                 // No point may come past the middle of a body at once.
                 let fraction = potential.collision_free_step(&places, &trial);
-                if fraction < 1.0 && length > LEAST_CARRY * piece {
+                if fraction < 1.0 && length > LEAST_PREDICTION * piece {
                     potential.set_load(t, x);
                     length *= (0.9 * fraction).clamp(0.1, 0.9);
                     continue;
@@ -268,7 +268,7 @@ impl Run<'_> {
     }
 
     /// Moves the load to `target`, or as far as contact allows, and the free nodes along with it; returns the load.
-    fn carry_over(
+    fn predict_guarded(
         &mut self,
         potential: &mut dyn Loading,
         x: &mut [f64],
@@ -277,12 +277,12 @@ impl Run<'_> {
     ) -> Result<f64, Box<NotConverged>> {
         let n = x.len();
         let first = t;
-        if let Some(reached) = self.carry_along(potential, x, t, target) {
+        if let Some(reached) = self.predict_kinematic(potential, x, t, target) {
             return Ok(reached);
         }
         let (mut g, mut ahead, mut moved) = (vec![0.0; n], vec![0.0; n], x.to_vec());
         let (mut dx, mut trial) = (vec![0.0; n], vec![0.0; n]);
-        for iteration in 0..MAX_CARRIES {
+        for iteration in 0..MAX_PREDICTIONS {
             if t >= target {
                 return Ok(t);
             }
@@ -334,8 +334,8 @@ impl Run<'_> {
                 }
                 // Bodies turn, so the shorter way is another one and is checked again.
                 length *= if free < 1.0 { (0.9 * free).max(1e-3) } else { 0.5 };
-                if length < LEAST_CARRY {
-                    if free < 1.0 && self.carry_alone(potential, x, &places, target, &mut trial) {
+                if length < LEAST_PREDICTION {
+                    if free < 1.0 && self.move_prescribed(potential, x, &places, target, &mut trial) {
                         return Ok(target);
                     }
                     potential.set_load(t, x);
@@ -358,12 +358,18 @@ impl Run<'_> {
         if t >= target || !potential.touching(x).is_empty() {
             return Ok(t);
         }
-        Err(self.failure(potential, x, Reason::Inversion, MAX_CARRIES, &g))
+        Err(self.failure(potential, x, Reason::Inversion, MAX_PREDICTIONS, &g))
     }
 
     /// Moves the load towards `target` and lets the potential carry the free nodes along, piece by piece, as far as nothing folds or
     /// touches; returns the load reached. `None`: it has no guess, or its first piece fails already.
-    fn carry_along(&self, potential: &mut dyn Loading, x: &mut [f64], t: f64, target: f64) -> Option<f64> {
+    fn predict_kinematic(
+        &self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        t: f64,
+        target: f64,
+    ) -> Option<f64> {
         let n = potential.n_pieces(target);
         if n == 0 {
             return None;
@@ -376,7 +382,7 @@ impl Run<'_> {
             let load = if reached + 1.5 * length > target { target } else { reached + length };
             let places = potential.touching(x);
             trial.copy_from_slice(x);
-            potential.carry(load, &mut trial);
+            potential.predict(load, &mut trial);
             if potential.collision_free_step(&places, &trial) >= 1.0
                 && is_sound(potential, &trial, DET_F_FRACTION * det_before)
             {
@@ -396,7 +402,7 @@ impl Run<'_> {
 
     /// Moves the load to `target` and nothing else, where that touches nothing: a part that only contact will hold has no
     /// place to be carried to. Returns whether it did.
-    fn carry_alone(
+    fn move_prescribed(
         &self,
         potential: &mut dyn Loading,
         x: &mut [f64],

@@ -125,7 +125,7 @@ pub trait Loading: Potential + Admissible {
     }
 
     /// Sets the load at `t` and moves the free nodes `x`, which belong to the present load, along as a guess.
-    fn carry(&mut self, t: f64, x: &mut [f64]) {
+    fn predict(&mut self, t: f64, x: &mut [f64]) {
         self.set_load(t, x);
     }
 }

@@ -1,4 +1,4 @@
-//! Where the free nodes of an island go when its bodies and obstacles move: a first guess for the equilibrium, finite rotations included.
+//! A kinematic predictor: where the free nodes of an island go when its bodies and obstacles move, finite rotations included.
 //!
 //! They drag space along: every point moves with the mean of their motions, weighted with the inverse square of its distance
 //! to each (of obstacles, which may change their shape, to the nearest node; Shepard, Proc. 23rd ACM National Conference, 1968). Neighbours move alike, whatever they belong to, so gaps between
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const TURN: f64 = 0.05;
 
 /// The weights of the bodies at the free nodes of an island.
-pub struct Flow {
+pub struct KinematicPredictor {
     /// What the nodes of each body have as motion: a body, or held.
     bodies: Vec<Motion>,
     /// Nodes that controls displace and nothing else acts on: displacement \[m\] at unit value of a control, per component.
@@ -27,7 +27,7 @@ pub struct Flow {
     weights: Vec<f64>,
 }
 
-impl Flow {
+impl KinematicPredictor {
     /// `None` where some nodes are prescribed in other ways than by bodies or as obstacles, or nothing is that can move.
     /// `X`: places in the mesh \[m\] of all nodes of the island, `motions` what they do, `acted_on` the nodes of its effects.
     pub fn new(
@@ -35,7 +35,7 @@ impl Flow {
         motions: &[[Motion; 3]],
         acted_on: impl Iterator<Item = u32>,
         free_nodes: &[u32],
-    ) -> Option<Flow> {
+    ) -> Option<KinematicPredictor> {
         let mut bodies: Vec<Motion> = Vec::new();
         let mut tied: Vec<Vec<Vector3<f64>>> = Vec::new();
         let (mut obstacles, mut places) = (Vec::new(), Vec::new());
@@ -99,7 +99,7 @@ impl Flow {
         };
         let (weights, nearest): (Vec<Vec<f64>>, Vec<u32>) = free_nodes.par_iter().map(of_node).unzip();
         let nearest = if with_obstacles { nearest } else { Vec::new() };
-        Some(Flow { bodies, obstacles, nearest, weights: weights.concat() })
+        Some(KinematicPredictor { bodies, obstacles, nearest, weights: weights.concat() })
     }
 
     /// Pieces in which to go from one load to another; 0 where nothing moves.
@@ -117,7 +117,7 @@ impl Flow {
     }
 
     /// Moves the free nodes at `x` \[m\] from one load to another.
-    pub fn carry(&self, from: &Load, to: &Load, x: &mut [f64]) {
+    pub fn predict(&self, from: &Load, to: &Load, x: &mut [f64]) {
         let steps: Vec<_> = self
             .bodies
             .iter()
