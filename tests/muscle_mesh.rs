@@ -619,7 +619,7 @@ fn muscles_inset_lose_a_layer_of_that_thickness() {
 /// As in the publication's reading, where muscles lie some millimetres apart.
 #[test]
 fn a_thigh_inset_has_wide_gaps() {
-    let effects = ThighEffects { fibres: false, shells: false };
+    let effects = ThighEffects { fibres: None, shells: false };
     let [as_drawn, wide] = [0.0, 5e-3].map(|by| {
         thigh::from_limb(thigh::limb().unwrap(), 12e-3, by, &[], effects).expect("built-in sections")
     });

@@ -12,7 +12,7 @@ use support::side_scenes::{FAMILIES, Variant, pressed_block, random_side_scene, 
 /// The thigh of some muscles, with contact among them and with the bones.
 fn thigh(muscles: &[&str]) -> Plan {
     let only: Vec<String> = muscles.iter().map(ToString::to_string).collect();
-    let effects = ThighEffects { fibres: false, shells: false };
+    let effects = ThighEffects { fibres: None, shells: false };
     let made = coupling::thigh::built_in(14e-3, &only, effects).expect("meshes");
     let mut thigh = made.thigh.clone();
     thigh.add_contact(&made.bones, &made.attachments);

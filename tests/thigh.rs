@@ -184,7 +184,7 @@ fn a_wrong_attachment_is_refused_with_its_line() {
 fn fibres_share_the_section_and_run_from_end_to_end() {
     let block = block("rectus_femoris");
     let section = 33.6e-4;
-    let fibres = fibres(&block, section);
+    let fibres = fibres(&block, section, 1);
     let per_fibre = block.n_layers() - 1;
     assert_eq!(fibres.segments.len(), block.nodes_per_section * per_fibre);
     let mut total = 0.0;
@@ -195,6 +195,14 @@ fn fibres_share_the_section_and_run_from_end_to_end() {
         assert_eq!(segments[per_fibre - 1][1] as usize / block.nodes_per_section, per_fibre);
     }
     assert!((total / section - 1.0).abs() < 1e-12);
+    // Farther apart: fewer, with the same section, and none within the spacing of another.
+    let apart = mesher::fibres::fibres(&block, section, 2);
+    let kept: Vec<u32> = apart.segments.iter().step_by(per_fibre).map(|s| s[0]).collect();
+    let n = block.nodes_per_section;
+    assert!(kept.len() * 2 < n && kept.len() * 9 >= n, "{} of {n}", kept.len());
+    assert!(block.section_cells.iter().all(|cell| cell.iter().filter(|k| kept.contains(k)).count() <= 1));
+    let apart: f64 = apart.area.iter().step_by(per_fibre).sum();
+    assert!((apart / section - 1.0).abs() < 1e-12);
     // Handsfield-free check: volume over length of this muscle is 331 cm³ over 451 mm.
     assert!((mean_section(&block) / (331.2e-6 / 0.451) - 1.0).abs() < 0.05);
     let stiffness = end_stiffness(&block, 40.0, 3);
@@ -413,7 +421,8 @@ fn hill_fibres_are_calibrated_alone_and_never_on_a_step() {
     let done = optimize(&OptimizeOptions::default()).unwrap();
     let registration = Registration::new(MeshFrames::built_in(), &done.model).unwrap();
     let only = ["gluteus_minimus".to_string(), "gluteus_medius".to_string()];
-    let made = coupling::thigh::built_in(14e-3, &only, ThighEffects { fibres: true, shells: true }).unwrap();
+    let made =
+        coupling::thigh::built_in(14e-3, &only, ThighEffects { fibres: Some(1), shells: true }).unwrap();
     let step = |name| rigid_step(&done, &registration, name).unwrap();
     let calibrate = |steps: &[coupling::steps::RigidStep]| {
         let fibres = driven_fibres(
@@ -456,7 +465,8 @@ fn hill_fibres_are_calibrated_alone_and_never_on_a_step() {
 #[test]
 fn slender_muscles_bear_being_stretched() {
     let only = ["sartorius".to_string(), "gracilis".to_string()];
-    let made = coupling::thigh::built_in(7e-3, &only, ThighEffects { fibres: true, shells: false }).unwrap();
+    let made =
+        coupling::thigh::built_in(7e-3, &only, ThighEffects { fibres: Some(1), shells: false }).unwrap();
     for (muscle, built) in made.thigh.muscles.iter().zip(&made.built.muscles) {
         let stretched = MuscleAlone::new(&built.block, muscle.fibre_area).run(Task::Stretch(0.15)).unwrap();
         let (increments, iterations) = (stretched.increments, stretched.iterations);
@@ -476,7 +486,8 @@ fn slender_muscles_bear_being_stretched() {
 #[test]
 fn a_muscle_alone_is_its_island_and_tightens_in_one_step() {
     let only = ["sartorius".to_string(), "gracilis".to_string()];
-    let made = coupling::thigh::built_in(14e-3, &only, ThighEffects { fibres: true, shells: true }).unwrap();
+    let made =
+        coupling::thigh::built_in(14e-3, &only, ThighEffects { fibres: Some(1), shells: true }).unwrap();
     let whole = Plan::new(&made.thigh.scene, made.thigh.mesh.clone()).unwrap();
     for (i, muscle) in made.thigh.muscles.iter().enumerate() {
         let thigh = alone(&made.thigh, i);
@@ -533,7 +544,7 @@ fn pull(thigh: &Thigh) -> ([Vector3<f64>; 4], Vector3<f64>) {
 #[test]
 fn four_heads_join_in_the_quadriceps_tendon() {
     let only = HEADS.map(String::from);
-    let effects = ThighEffects { fibres: true, shells: false };
+    let effects = ThighEffects { fibres: Some(1), shells: false };
     let made = coupling::thigh::built_in(8e-3, &only, effects).unwrap();
     let thigh = &made.thigh;
     assert_eq!(thigh.tendons.len(), 4);
@@ -603,7 +614,8 @@ fn four_heads_join_in_the_quadriceps_tendon() {
 #[test]
 fn the_patellar_ligament_hangs_between_patella_and_tibia() {
     let only = HEADS.map(String::from);
-    let made = coupling::thigh::built_in(16e-3, &only, ThighEffects { fibres: true, shells: false }).unwrap();
+    let made =
+        coupling::thigh::built_in(16e-3, &only, ThighEffects { fibres: Some(1), shells: false }).unwrap();
     let (scene, mesh) = (&made.thigh.scene, &made.thigh.mesh);
     let strands: Vec<_> =
         scene.strands.iter().filter(|s| s.region.starts_with("patellar_ligament")).collect();

@@ -21,7 +21,7 @@ const ITERATIONS: usize = 60;
 fn main() {
     let mm: f64 = std::env::args().nth(1).map_or(6.0, |a| a.parse().expect("edge length in mm"));
     let made =
-        built_in(1e-3 * mm, &[], ThighEffects { fibres: true, shells: false }).expect("built-in tables");
+        built_in(1e-3 * mm, &[], ThighEffects { fibres: Some(1), shells: false }).expect("built-in tables");
     let (trial, anatomy) = walker(Knee::Hinge);
     let model = Model::new(&trial, anatomy, Ankle::Universal).expect("the walker has markers");
     let frames = MeshFrames::built_in();

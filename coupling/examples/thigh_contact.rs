@@ -57,7 +57,7 @@ fn main() -> ExitCode {
     let case = argument(2).unwrap_or("all".into());
     let wanted = |name: &str| case == name || case == "all";
 
-    let made = built_in(edge, &[], ThighEffects { fibres: true, shells: true }).expect("built-in tables");
+    let made = built_in(edge, &[], ThighEffects { fibres: Some(1), shells: true }).expect("built-in tables");
     let (trial, anatomy) = walker(Knee::Hinge);
     let model = Model::new(&trial, anatomy, Ankle::Universal).expect("the walker has markers");
     let registration =

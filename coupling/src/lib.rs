@@ -5,6 +5,7 @@
 //! one's own.
 
 pub mod configuration;
+pub mod cost;
 pub mod error;
 pub mod fibres;
 pub mod measured;

@@ -45,6 +45,23 @@ pub fn short(value: f64) -> String {
     }
 }
 
+/// A number and how far it may be off, with the digits that mean something: the error with one, or two where it begins with a 1, the number as
+/// far as these. Without an error six digits.
+pub fn with_error(value: f64, error: Option<f64>) -> String {
+    let Some(error) = error.filter(|e| e.is_finite() && *e > 0.0) else { return significant(value, 6) };
+    let exponent = error.log10().floor();
+    let digits = if error / 10f64.powf(exponent) < 1.95 { 2.0 } else { 1.0 };
+    let last = exponent - digits + 1.0;
+    let step = 10f64.powf(last.max(0.0));
+    let shown = |v: f64| fixed((v / step).round() * step, (-last).clamp(0.0, 12.0) as usize);
+    let shown = if last < 0.0 {
+        [fixed(value, -last as usize), fixed(error, -last as usize)]
+    } else {
+        [value, error].map(shown)
+    };
+    format!("{} ± {}", shown[0], shown[1])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -61,6 +78,21 @@ mod tests {
         assert_eq!(significant(1234.5, 3), "1234"); // ties go to even
         assert_eq!(significant(0.012345, 3), "0.0123");
         assert_eq!(significant(3.2e-11, 2), "3.2e−11");
+    }
+
+    #[test]
+    fn errors_say_which_digits_mean_something() {
+        for (value, error, words) in [
+            (621.34, 4.2, "621 ± 4"),
+            (621.34, 0.034, "621.34 ± 0.03"),
+            (621.34, 12.3, "621 ± 12"),
+            (621.34, 140.0, "620 ± 140"),
+            (-0.5, 37.0, "0 ± 40"),
+            (3.0, 0.96, "3 ± 1"),
+        ] {
+            assert_eq!(with_error(value, Some(error)), words);
+        }
+        assert_eq!(with_error(12.0, None), "12.0000");
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub enum Kind {
     Trial,
     /// Table of landmarks of a subject.
     Subject,
+    /// Ladder of `cost`.
+    Ladder,
 }
 
 /// Name with ending, and text.
@@ -33,6 +35,7 @@ const SCENES: &[File] = files!("scenes": "walker.toml" "walker_no_contact.toml" 
     "no_fibres.toml" "rigid_only.toml" "DM_og3.toml" "JW_og3.toml" "real_surfaces.toml");
 const TRIALS: &[File] = files!("trials": "DM_ngait_og3.toml" "DM_ngait_og4.toml" "jw_ngait_og1.toml" "jw_ngait_og3.toml"
     "jw_ngait_og3_both.toml" "jw_ngait_og7.toml");
+const LADDERS: &[File] = files!("ladders": "walker.toml");
 const SUBJECTS: &[File] = files!("subjects": "DM.csv");
 
 impl Kind {
@@ -41,6 +44,7 @@ impl Kind {
             Kind::Scene => "scenes",
             Kind::Trial => "trials",
             Kind::Subject => "subjects",
+            Kind::Ladder => "ladders",
         }
     }
 
@@ -49,6 +53,7 @@ impl Kind {
             Kind::Scene => SCENES,
             Kind::Trial => TRIALS,
             Kind::Subject => SUBJECTS,
+            Kind::Ladder => LADDERS,
         }
     }
 
@@ -71,7 +76,7 @@ pub fn text(path: &Path) -> Option<&'static str> {
         let name = rest.strip_prefix(kind.folder()).ok()?;
         kind.files().iter().find(|(file, _)| Path::new(file) == name).map(|(_, text)| *text)
     };
-    [Kind::Scene, Kind::Trial, Kind::Subject].into_iter().find_map(of)
+    [Kind::Scene, Kind::Trial, Kind::Subject, Kind::Ladder].into_iter().find_map(of)
 }
 
 /// Whether this is the path of a shipped file.

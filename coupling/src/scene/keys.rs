@@ -10,7 +10,7 @@ use multibody::keys::{Key, key, likeness, top_keys};
 use multibody::trial_file;
 
 use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
-use super::{FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS};
+use super::{DISTANCES, FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS};
 
 /// What a material constant may be.
 const fn of(constant: usize) -> multibody::keys::Kind {
@@ -36,8 +36,11 @@ pub const KEYS: &[Key] = &[
 
     key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),
     key("effects.fibres", Word(&["hill", "thermal", "none"]), Optional("hill; thermal where the mesh is free of stress at heel strike"), "", "Law of the fibres: force from activation and length, from contraction as in the publication, or passive tissue", "\"hill\""),
+    key("effects.fibre_spacing", Count(1, 4), Default("1"), "", "A fibre at every node of a section, or at one of so many along each row; all together keep their section", "2"),
     key("effects.shells", Flag, Default("true"), "", "Shells around the muscles (aponeuroses)", "false"),
     key("effects.contact", Word(&["guarded", "cheap", "none"]), Default("\"guarded\""), "", "Contact between all muscles and bones: nothing passes through, a penalty on penetration, or none", "\"none\""),
+
+    key("effects.contact_distance_mm", Number(*DISTANCES.start(), *DISTANCES.end()), Default("0.3"), "mm", "Guarded: distance at which surfaces begin to repel each other; cheap: depth at which they do with the stiffness of the softer side", "0.1"),
 
     key("materials", Section, Optional("the defaults of its keys"), "", "Material constants of all muscles", ""),
     key("materials.matrix_a_kpa", of(A), Optional("3.0"), "kPa", "A of the Mooney-Rivlin matrix, A (I1 - 3) + B (I2 - 3)", "3.0"),
@@ -71,6 +74,8 @@ pub enum TomlKind {
     Scene,
     /// A trial file.
     Trial,
+    /// A ladder of `cost` ([`crate::cost::ladder`]): it has axes.
+    Ladder,
     /// A scene of bodies of one's own ([`crate::solve`]): it names a mesh and no trial.
     OwnScene,
 }
@@ -80,7 +85,9 @@ impl TomlKind {
     pub fn of(text: &str) -> TomlKind {
         let top = top_keys(text);
         let has = |name: &str| top.iter().any(|key| key == name);
-        if has("mesh") && !has("trial") {
+        if has("axis") {
+            TomlKind::Ladder
+        } else if has("mesh") && !has("trial") {
             TomlKind::OwnScene
         } else if likeness(text, trial_file::KEYS) > likeness(text, KEYS) {
             TomlKind::Trial
@@ -100,11 +107,13 @@ pub fn wanted(kind: TomlKind, file: &Path, text: &str) -> Result<(), InputError>
         TomlKind::Scene => "a scene",
         TomlKind::Trial => "a trial file",
         TomlKind::OwnScene => "a scene of `solve`",
+        TomlKind::Ladder => "a ladder",
     };
     let remedy = match found {
         TomlKind::Scene => "run `sartorius compare`, `step` or `plan` with it",
         TomlKind::Trial => "run `sartorius optimize` with it, or write a scene with `trial = \"FILE\"`",
         TomlKind::OwnScene => "run `sartorius solve` with it",
+        TomlKind::Ladder => "run `sartorius cost` with it",
     };
     let problem = format!("this is {}, not {}", name(found), name(kind));
     Err(InputError::Malformed { file: file.to_path_buf(), at: Place::Whole, problem, remedy: remedy.into() })

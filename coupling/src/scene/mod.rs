@@ -32,6 +32,9 @@ use materials::{Materials, MaterialsEntry};
 pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
 /// How far muscles can be inset \[mm\]; at least a third of the thickness and width of every muscle is left.
 const INSETS: RangeInclusive<f64> = 0.0..=5.0;
+/// Activation distances of contact \[mm\]: the least is ten times the round-off of collision detection on the thigh, the greatest a fifth of the
+/// thinnest muscle.
+const DISTANCES: RangeInclusive<f64> = 0.01..=2.0;
 /// Knee flexion that can be prescribed \[degrees\].
 const FLEXIONS: RangeInclusive<f64> = 0.0..=120.0;
 /// Residuals that can be asked for \[N\]: the least is above round-off, the greatest below the forces of most muscles.
@@ -95,10 +98,14 @@ pub struct Scene {
     pub stress_free: StressFree,
     /// Fibres.
     pub fibres: Fibres,
+    /// Nodes of a section from fibre to fibre.
+    pub fibre_spacing: usize,
     /// Shells around the muscles.
     pub shells: bool,
     /// Contact; `None`: surfaces do not see each other.
     pub contact: Option<ContactMode>,
+    /// Guarded: distance \[m\] below which surfaces repel each other. Cheap: depth at which a layer of that thickness would be pressed flat.
+    pub contact_distance: f64,
     /// Material constants that the scene gives.
     pub materials: Materials,
     /// Steps, in the order of time.
@@ -145,8 +152,10 @@ struct AccuracyEntry {
 #[serde(deny_unknown_fields)]
 struct EffectsEntry {
     fibres: Option<Fibres>,
+    fibre_spacing: Option<usize>,
     shells: Option<bool>,
     contact: Option<ContactChoice>,
+    contact_distance_mm: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -238,7 +247,9 @@ impl SceneFile {
             check_stability: accuracy.check_stability.unwrap_or(false),
             stress_free,
             fibres: self.effects.fibres.unwrap_or(natural),
+            fibre_spacing: self.effects.fibre_spacing.unwrap_or(1),
             shells,
+            contact_distance: self.effects.contact_distance_mm.unwrap_or(0.3) * 1e-3,
             contact: match self.effects.contact.unwrap_or(ContactChoice::Guarded) {
                 ContactChoice::Guarded => Some(ContactMode::Guarded),
                 ContactChoice::Cheap => Some(ContactMode::Cheap),

@@ -35,6 +35,14 @@ impl Scene {
             Some(ContactMode::Cheap) => "cheap: a penalty on the penetration",
             None => "none",
         };
+        let apart = match self.fibre_spacing {
+            1 => String::new(),
+            nodes => format!("; one at {nodes} nodes along each row of a section"),
+        };
+        let distance = match self.contact {
+            Some(_) => format!(", from {} mm", short(self.contact_distance * 1e3)),
+            None => String::new(),
+        };
         let steps: Vec<String> = self
             .steps
             .iter()
@@ -68,9 +76,9 @@ impl Scene {
                 ),
             ),
             ("Mesh free of stress", stress_free.into()),
-            ("Fibres", fibres.into()),
+            ("Fibres", format!("{fibres}{apart}")),
             ("Shells", if self.shells { "around every muscle" } else { "none" }.into()),
-            ("Contact", contact.into()),
+            ("Contact", format!("{contact}{distance}")),
             ("Steps", steps.join(", ")),
         ]
         .into_iter()

@@ -5,6 +5,7 @@
 pub mod compare;
 pub mod estimate;
 pub mod explain;
+pub mod quantities;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -175,6 +176,11 @@ impl Sized {
         Ok(Sized { scene, done, registration, steps, limb, inputs })
     }
 
+    /// Files that were read.
+    pub fn inputs(&self) -> &[PathBuf] {
+        &self.inputs
+    }
+
     /// What the trial file says that rarely is so, or is left out of account.
     pub fn doubts(&self) -> &[String] {
         &self.done.case.doubts
@@ -191,7 +197,10 @@ impl Sized {
 }
 
 fn effects(scene: &Scene) -> ThighEffects {
-    ThighEffects { fibres: scene.fibres != Fibres::None, shells: scene.shells }
+    ThighEffects {
+        fibres: (scene.fibres != Fibres::None).then_some(scene.fibre_spacing),
+        shells: scene.shells,
+    }
 }
 
 impl Prepared {
@@ -240,7 +249,8 @@ impl Prepared {
             (configuration, &self.made, self.scene.contact)
         {
             thigh.add_contact(&made.bones, &made.attachments);
-            thigh.scene.contact.as_mut().expect("just added").mode = mode;
+            let contact = thigh.scene.contact.as_mut().expect("just added");
+            (contact.mode, contact.distance) = (mode, self.scene.contact_distance);
         }
         thigh
     }

@@ -33,8 +33,8 @@ const TENDON_START: f64 = 2e-3;
 /// What a scene of the thigh has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThighEffects {
-    /// Fibres.
-    pub fibres: bool,
+    /// Fibres, so many nodes of a section apart; `None`: none.
+    pub fibres: Option<usize>,
     /// Shells around the muscles.
     pub shells: bool,
 }
@@ -257,9 +257,9 @@ fn put_together(
             density: 1060.0,
             scale: end_stiffness(block, END_STIFFNESS, END_LAYERS),
         });
-        if effects.fibres {
+        if let Some(spacing) = effects.fibres {
             muscle.fibre_area = sections(&block.name).unwrap_or_else(|| mean_section(block));
-            muscle.fibre_length = add_fibres(block, muscle.fibre_area, first, &mut mesh, &mut scene);
+            muscle.fibre_length = add_fibres(block, muscle.fibre_area, spacing, first, &mut mesh, &mut scene);
         }
         if effects.shells {
             let region = MusclePart::Shell.of(&block.name);
@@ -287,15 +287,16 @@ fn put_together(
     Thigh { mesh, scene, muscles, tendons }
 }
 
-/// Adds the fibres of a muscle whose nodes begin at `first`; `section`: of all of them \[m²\]. Returns their mean length \[m\].
+/// Adds the fibres of a muscle whose nodes begin at `first`; `section`: of all of them \[m²\], `spacing`: see [`fibres`]. Returns their mean length \[m\].
 pub(super) fn add_fibres(
     block: &MuscleBlock,
     section: f64,
+    spacing: usize,
     first: u32,
     mesh: &mut Mesh,
     scene: &mut Scene,
 ) -> f64 {
-    let fibres = fibres(block, section);
+    let fibres = fibres(block, section, spacing);
     let name = MusclePart::Fibres.of(&block.name);
     let place = |n: u32| Vector3::from(block.points[n as usize]);
     let volume: f64 = fibres

@@ -86,7 +86,7 @@ pub fn inventory(
 ) -> Vec<MuscleInventory> {
     let one = |block: &&MuscleBlock| {
         let wanted = section(&block.name).unwrap_or_else(|| mean_section(block));
-        let fibres = fibres(block, wanted);
+        let fibres = fibres(block, wanted, 1);
         // Every fibre has the same section all along: the first layer counts them.
         let per_fibre = block.n_layers() - 1;
         let hold = |role: Role| {

@@ -118,7 +118,7 @@ impl<'a> MuscleAlone<'a> {
             prescribed: vec![held(MusclePart::Origin, vec![]), held(MusclePart::Insertion, moved)],
             ..Scene::default()
         };
-        add_fibres(block, self.fibre_area, 0, &mut mesh, &mut scene);
+        add_fibres(block, self.fibre_area, 1, 0, &mut mesh, &mut scene);
         Plan::new(&scene, mesh).map_err(|e| e.to_string())
     }
 

@@ -13,7 +13,8 @@ pub struct Fibres {
 
 /// One fibre per node of a section. Its fraction of the section is the mean over the layers of the fraction of the cells around
 /// its node, a quarter of each. All fractions make `section` \[m²\], e.g. the [`mean_section`] or a physiological cross-section.
-pub fn fibres(block: &MuscleBlock, section: f64) -> Fibres {
+/// `spacing` 1: every node has one. Above: fibres stand so many cells apart, and each has the fractions of the nodes that are nearest to it.
+pub fn fibres(block: &MuscleBlock, section: f64, spacing: usize) -> Fibres {
     let n = block.nodes_per_section;
     let layers = block.n_layers();
     let mut fraction = vec![0.0; n];
@@ -28,13 +29,46 @@ pub fn fibres(block: &MuscleBlock, section: f64) -> Fibres {
         fraction.iter_mut().zip(quarter).for_each(|(s, q)| *s += q / (total * layers as f64));
     }
     let mut out = Fibres { segments: Vec::new(), area: Vec::new() };
-    for k in 0..n as u32 {
+    let nearest = nearest_fibre(&block.section_cells, n, spacing);
+    for (k, &at) in nearest.iter().enumerate().filter(|&(k, &at)| k != at as usize) {
+        fraction[at as usize] += std::mem::take(&mut fraction[k]);
+    }
+    for k in (0..n as u32).filter(|&k| nearest[k as usize] == k) {
         for layer in 0..layers - 1 {
             out.segments.push([block.node(layer, k), block.node(layer + 1, k)]);
             out.area.push(fraction[k as usize] * section);
         }
     }
     out
+}
+
+/// The node of a section at whose fibre every node of it is: itself, where it has one. Nodes get a fibre in their order where none is nearer than
+/// `spacing` cells; the others go to the nearest, the first of those that are equally near.
+fn nearest_fibre(cells: &[[u32; 4]], n_nodes: usize, spacing: usize) -> Vec<u32> {
+    let mut beside = vec![Vec::new(); n_nodes];
+    for cell in cells {
+        for &k in cell {
+            beside[k as usize].extend(cell.iter().copied().filter(|&other| other != k));
+        }
+    }
+    let mut nearest: Vec<Option<(usize, u32)>> = vec![None; n_nodes];
+    for fibre in 0..n_nodes as u32 {
+        if nearest[fibre as usize].is_some_and(|(cells, _)| cells < spacing) {
+            continue;
+        }
+        let mut front = vec![fibre];
+        for cells in 0.. {
+            front.retain(|&k| nearest[k as usize].is_none_or(|(before, _)| cells < before));
+            front.sort_unstable();
+            front.dedup();
+            if front.is_empty() {
+                break;
+            }
+            front.iter().for_each(|&k| nearest[k as usize] = Some((cells, fibre)));
+            front = front.iter().flat_map(|&k| beside[k as usize].iter().copied()).collect();
+        }
+    }
+    nearest.into_iter().map(|found| found.expect("sections are connected").1).collect()
 }
 
 /// Mean section of a muscle \[m²\]: volume over length.

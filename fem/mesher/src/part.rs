@@ -25,6 +25,8 @@ pub enum MusclePart<'a> {
     Strands(usize),
 }
 
+/// Begins the surface of a bone.
+const BONE: &str = "bone/";
 const STRANDS: &str = "/tendon_";
 
 impl MusclePart<'_> {
@@ -51,6 +53,11 @@ pub fn muscle_of(name: &str) -> &str {
     name.split_once('/').map_or(name, |(muscle, _)| muscle)
 }
 
+/// The body, muscle or bone, that the name of a surface is of.
+pub fn body_of(name: &str) -> &str {
+    name.strip_prefix(BONE).unwrap_or_else(|| muscle_of(name))
+}
+
 /// Whether a name is that of strands that stand for a tendon.
 pub fn is_strands(name: &str) -> bool {
     let number = name.split_once(STRANDS).map(|(_, number)| number);
@@ -59,7 +66,7 @@ pub fn is_strands(name: &str) -> bool {
 
 /// Surface of a bone.
 pub fn bone_surface(bone: &str) -> String {
-    format!("bone/{bone}")
+    format!("{BONE}{bone}")
 }
 
 #[cfg(test)]

@@ -289,6 +289,8 @@ fn judge(kind: &Kind, value: &DeValue) -> Verdict {
             }
             verdicts().find(|v| !matches!(v, Verdict::Kind)).unwrap_or(Verdict::Kind)
         }
+        Kind::Values => good(value.as_array().is_some_and(|list| !list.is_empty())),
+        Kind::Settings => good(value.is_table()),
         Kind::Section | Kind::Sections | Kind::Map => Verdict::Kind,
     }
 }

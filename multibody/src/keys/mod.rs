@@ -61,6 +61,10 @@ pub enum Kind {
     Sections,
     /// A table from any name to a text.
     Map,
+    /// A list of values of any kind, at least one.
+    Values,
+    /// A table from any name to a value of any kind, `{ name = value }`.
+    Settings,
 }
 
 /// Whether a key may be absent.
@@ -120,6 +124,8 @@ impl Kind {
             Kind::Section => "a section".into(),
             Kind::Sections => "any number of sections".into(),
             Kind::Map => "a section of names".into(),
+            Kind::Values => "a list of values".into(),
+            Kind::Settings => "a table of keys and values".into(),
         }
     }
 }

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::Outcome;
 use crate::error::CommandError;
+use coupling::cost::ladder::Ladder;
 use coupling::scene::{Scene, TomlKind};
 use coupling::solve::OwnScene;
 
@@ -43,6 +44,16 @@ fn check(file: &Path, data: Option<&Path>) -> Result<String, CommandError> {
     let text = is_toml.then(|| std::fs::read_to_string(file).ok()).flatten();
     match text.as_deref().map(TomlKind::of) {
         Some(TomlKind::Scene) => {}
+        Some(TomlKind::Ladder) => {
+            let ladder = Ladder::read(file, None, data)?;
+            let names: Vec<&str> = ladder.axes.iter().map(|axis| axis.name.as_str()).collect();
+            return Ok(format!(
+                "Ladder: {} rungs, {} axes ({}).",
+                ladder.rungs.len(),
+                names.len(),
+                names.join(", ")
+            ));
+        }
         Some(TomlKind::OwnScene) => return Ok(of_own(&OwnScene::read(file)?)),
         Some(TomlKind::Trial) | None => return Ok(multibody::read::check(file, data)?),
     }

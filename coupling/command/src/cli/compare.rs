@@ -13,7 +13,7 @@ use crate::error::CommandError;
 use crate::output::atomic::OutputFolder;
 use crate::output::compare::write_compare;
 use crate::output::origin::{Again, InputFile};
-use crate::output::run::{RunRecord, RunStatus};
+use crate::output::run::{RunRecord, RunStatus, Size};
 use crate::report::compare::CompareReport;
 use coupling::configuration::PerConfiguration;
 use coupling::number::plain;
@@ -213,6 +213,7 @@ pub(super) fn carry_out(
         progress.lap(TWO_WAY);
     }
     record.seconds = progress.seconds().to_vec();
+    record.size = Some(Size::of(&comparison));
 
     let mut settings = prepared.scene.settings();
     settings.insert(0, ("Subject".into(), words(&prepared.done.case.trial)));
@@ -249,6 +250,7 @@ pub(super) fn carry_out(
         record.reason = Some(shortcomings.join("; "));
     }
     out.write("explanation.csv", |w| comparison.write_explanations(w))?;
+    out.write("quantities.csv", |w| comparison.write_quantities(w))?;
     out.write("calibration.csv", |w| write_calibration(w, &comparison.thigh, &comparison.calibration))?;
     if two_way.is_some() {
         out.write("passes.csv", |w| write_passes(w, &comparison.steps, &passes))?;

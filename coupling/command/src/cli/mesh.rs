@@ -118,7 +118,7 @@ pub fn run(arguments: &MeshArguments, quiet: bool) -> Result<Outcome, CommandErr
     let grows = reaches(&bones, BTreeMap::new());
     let stock = inventory(&blocks, &attachments, &known, &grows, &rigid);
     let owned: Vec<_> = blocks.iter().map(|block| (*block).clone()).collect();
-    let effects = ThighEffects { fibres: true, shells: true };
+    let effects = ThighEffects { fibres: Some(1), shells: true };
     let thigh = build_thigh(&owned, &attachments, &known, &grows, effects);
     let settings = [
         ("Sections".to_string(), if stem.is_some() { name.clone() } else { "built-in thigh".into() }),

@@ -2,6 +2,7 @@
 
 mod check;
 mod compare;
+mod cost;
 mod interrupt;
 mod mesh;
 mod optimize;
@@ -103,6 +104,8 @@ enum Command {
     Compare(compare::CompareArguments),
     /// One scene in one configuration: with contact where the scene has contact.
     Step(step::StepArguments),
+    /// What accuracy costs in time: a ladder of settings, how far each is from the finest, and how sure every force is.
+    Cost(cost::CostArguments),
     /// Bodies of your own: mesh, laws, ties, contact and a table that drives them; fields, forces and a verdict.
     Solve(solve::SolveArguments),
     /// What a scene would simulate, what it leaves out and why, and what it would cost.
@@ -145,6 +148,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Mesh(arguments) => mesh::run(&arguments, quiet),
         Command::Compare(arguments) => compare::run(&arguments, quiet),
         Command::Step(arguments) => step::run(&arguments, quiet),
+        Command::Cost(arguments) => cost::run(&arguments, quiet),
         Command::Solve(arguments) => solve::run(&arguments, quiet),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Scenes(arguments) => scenes::run(&arguments),

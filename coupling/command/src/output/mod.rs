@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod claim;
 pub mod compare;
+pub mod cost;
 pub mod mesh;
 pub mod opensim;
 pub mod origin;
@@ -76,7 +77,7 @@ pub enum OutputError {
 }
 
 impl OutputError {
-    fn at(action: &'static str, path: &Path, source: io::Error) -> OutputError {
+    pub(crate) fn at(action: &'static str, path: &Path, source: io::Error) -> OutputError {
         use io::ErrorKind::*;
         let remedy = match source.kind() {
             StorageFull | QuotaExceeded => {

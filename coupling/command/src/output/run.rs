@@ -7,7 +7,9 @@ use multibody::trial::Trial;
 use serde::Serialize;
 
 use super::origin::{Again, InputFile, Machine, Program, now};
+use coupling::study::Comparison;
 use coupling::subject::words;
+use fem::plan::Plan;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -56,6 +58,9 @@ pub struct RunRecord {
     /// Stage and wall seconds, in the order of the run.
     #[serde(serialize_with = "as_map")]
     pub seconds: Vec<(String, f64)>,
+    /// How much was simulated; absent where nothing deforms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size: Option<Size>,
     /// Threads that were used.
     pub threads: usize,
     /// Iterations per stage, e.g. of the marker fit and of force sharing, summed over frames.
@@ -64,6 +69,30 @@ pub struct RunRecord {
     pub peak_memory_mib: Option<f64>,
     /// Files that were written beside this one.
     pub files: Vec<String>,
+}
+
+/// How much was simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Size {
+    /// Solid elements.
+    pub elements: usize,
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    /// Unknowns of the configuration that has the most.
+    pub unknowns: usize,
+}
+
+impl Size {
+    /// Of the thigh of a comparison.
+    pub fn of(comparison: &Comparison) -> Size {
+        let mesh = &comparison.thigh.mesh;
+        let unknowns = |plan: &Plan| plan.islands.iter().map(|island| island.n_unknowns()).sum();
+        Size {
+            elements: mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum(),
+            nodes: mesh.points.len(),
+            unknowns: comparison.solutions.present().map(|(_, s)| unknowns(&s.plan)).max().unwrap_or(0),
+        }
+    }
 }
 
 impl RunRecord {
@@ -86,6 +115,7 @@ impl RunRecord {
             settings: serde_json::Value::Null,
             inputs: Vec::new(),
             seconds: Vec::new(),
+            size: None,
             threads: rayon::current_num_threads(),
             iterations: BTreeMap::new(),
             peak_memory_mib: None,

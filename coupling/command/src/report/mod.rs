@@ -8,6 +8,7 @@
 pub mod anatomy;
 pub mod both;
 pub mod compare;
+pub mod cost;
 mod details;
 mod figures;
 pub mod groups;

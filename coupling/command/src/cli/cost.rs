@@ -1,0 +1,332 @@
+//! `sartorius cost [LADDER]`: what accuracy costs in time. Every rung is a process of its own, so that its memory is its own and its end ends
+//! nothing else.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use multibody::error::nearest;
+use sysinfo::System;
+
+use super::progress::Progress;
+use super::{OutArguments, Outcome, tell};
+use crate::error::CommandError;
+use crate::output::OutputError;
+use crate::output::atomic::OutputFolder;
+use crate::output::claim::RUN_FILE;
+use crate::output::cost::{write_axes, write_cost, write_errors};
+use crate::output::origin::{Again, InputFile};
+use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
+use crate::report::cost::{CostReport, cost_page};
+use coupling::configuration::PerConfiguration;
+use coupling::cost::ladder::{Ladder, Owner};
+use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
+use coupling::fibres::cache::content_hash;
+use coupling::number::plain;
+use coupling::study::estimate::{Expected, Work};
+use coupling::study::{STAGES, Sized};
+use fem::mesh::Mesh;
+
+#[derive(Args)]
+pub struct CostArguments {
+    /// Ladder file (TOML): a scene, and keys of it that go from coarse to fine.
+    #[arg(default_value = "walker")]
+    ladder: PathBuf,
+    /// Scene in place of the ladder's: a file, or the name of a shipped one.
+    #[arg(long, value_name = "SCENE")]
+    scene: Option<PathBuf>,
+    /// Only these axes of the ladder, by name.
+    #[arg(long, value_name = "AXIS", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Folder of the recordings and surfaces that the scene names.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutArguments,
+    /// Go on with a ladder that was killed: its solved rungs are taken over.
+    #[arg(long)]
+    resume: bool,
+    /// Print the curve as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Folder of the rungs.
+const RUNGS: &str = "rungs";
+/// A setting on another axis is good enough for a mesh where its own error is at most this fraction of the mesh's: both together are then off by a third
+/// more than the mesh alone.
+const SMALL: f64 = 1.0 / 3.0;
+
+/// What is known of a rung before it runs.
+struct Before {
+    /// Text of its scene, with the hash of all that its numbers hang on.
+    text: String,
+    expected: Expected,
+}
+
+impl Before {
+    fn of(ladder: &Ladder, rung: usize, data: Option<&Path>) -> Result<(Before, Sized), CommandError> {
+        let rung = &ladder.rungs[rung];
+        let sized = Sized::new(rung.scene.clone(), data)?;
+        let mut files = String::new();
+        for input in sized.inputs() {
+            files += &InputFile::of(input)?.sha256;
+        }
+        let hash = content_hash(&Mesh::default(), &format!("{}{files}", rung.scene.text));
+        let text = format!("# Rung {} of the ladder {}; {hash}\n{}", rung.name, ladder.name, rung.scene.text);
+        let with = rung.scene.contact.is_some();
+        let works = Work::of_draft(&sized.scene, &sized.draft()?, PerConfiguration { without: !with, with });
+        let expected = Expected::of(&sized.scene, &sized.draft()?, works);
+        Ok((Before { text, expected }, sized))
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandError> {
+    let data = arguments.data.as_deref();
+    let mut ladder = Ladder::read(&arguments.ladder, arguments.scene.as_deref(), data)?;
+    only(&mut ladder, &arguments.only)?;
+    let claim = arguments.out.claim("cost", &ladder.name)?;
+    let folder = claim.path();
+    let mut record = RunRecord::new("cost");
+    let names: Vec<&str> = ladder.rungs.iter().map(|r| r.name.as_str()).collect();
+    let mut progress = Progress::new(&names, quiet);
+    let mut before = Vec::new();
+    for rung in 0..ladder.rungs.len() {
+        let (known, sized) = Before::of(&ladder, rung, data)?;
+        if rung == 0 {
+            progress.pause(|| tell(sized.doubts()));
+            record.inputs.push(InputFile::of_text(&format!("{}.toml", ladder.name), &ladder.text));
+            for file in sized.inputs() {
+                record.inputs.push(InputFile::of(file)?);
+            }
+        }
+        before.push(known);
+    }
+    progress.expect(|name| {
+        let rung = names.iter().position(|n| *n == name);
+        rung.map_or(0.0, |rung| before[rung].expected.seconds())
+    });
+    let mut out = OutputFolder::begin(claim, arguments.resume)?;
+    let mut endings: Vec<Option<Ending>> = Vec::new();
+    for (rung, known) in ladder.rungs.iter().zip(&before) {
+        endings.push(Some(ending(&mut out, &rung.name, known, arguments)?));
+        progress.lap(&rung.name);
+    }
+    for (name, differs) in combinations(&ladder, &endings) {
+        let at = ladder.add(&name, differs, data)?;
+        if at == endings.len() {
+            let (known, _) = Before::of(&ladder, at, data)?;
+            endings.push(Some(ending(&mut out, &name, &known, arguments)?));
+            progress.lap(&name);
+        }
+    }
+    record.seconds = progress.seconds().to_vec();
+    drop(progress);
+
+    let report = CostReport::new(&ladder, &endings);
+    out.write("cost.csv", |w| write_cost(w, &report))?;
+    out.write("axes.csv", |w| write_axes(w, &report))?;
+    out.write("errors.csv", |w| write_errors(w, &report))?;
+    let page = cost_page(&report);
+    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    let missing = report.missing();
+    if !missing.is_empty() {
+        (record.status, record.reason) = (RunStatus::NotConverged, Some(missing.join("; ")));
+    }
+    record.notes = report.notes();
+    record.again = Again { arguments: vec!["cost".into(), "ladder.toml".into()], ..Again::default() };
+    record.again.files.insert("ladder.toml".into(), ladder.text.clone());
+    record.settings =
+        ladder.rungs[0].scene.settings().into_iter().map(|(k, v)| (k, serde_json::Value::from(v))).collect();
+    record.verdict = Some(report.verdict());
+    record.peak_memory_mib = peak_memory_mib();
+    record.files = out.files().to_vec();
+    let verdict = record.verdict.clone();
+    out.finish(&record)?;
+    let mut terminal = std::io::stdout().lock();
+    // A reader that closes the pipe early is no error.
+    let _ = match arguments.json {
+        true => writeln!(terminal, "{}", serde_json::to_string_pretty(&verdict).expect("plain data")),
+        false => print(&mut terminal, &report, &folder),
+    };
+    Ok(if missing.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
+}
+
+/// Keeps the axes of these names.
+fn only(ladder: &mut Ladder, names: &[String]) -> Result<(), CommandError> {
+    if names.is_empty() {
+        return Ok(());
+    }
+    for name in names {
+        let known = || ladder.axes.iter().map(|axis| axis.name.as_str());
+        if !known().any(|n| n == name) {
+            let meant = nearest(name, known()).map_or(String::new(), |m| format!("did you mean `{m}`? "));
+            let all: Vec<&str> = known().collect();
+            return Err(CommandError::Option(format!(
+                "--only names `{name}`, which is no axis of the ladder; {meant}its axes are {}",
+                all.join(", ")
+            )));
+        }
+    }
+    ladder.keep_axes(|axis| names.contains(&axis.name));
+    Ok(())
+}
+
+/// Runs a rung, or takes it over from a run that was killed.
+fn ending(
+    out: &mut OutputFolder,
+    name: &str,
+    known: &Before,
+    arguments: &CostArguments,
+) -> Result<Ending, CommandError> {
+    let folder = out.path().join(RUNGS).join(name);
+    let file = out.path().join(RUNGS).join(format!("{name}.toml"));
+    let is_same = fs::read_to_string(&file).is_ok_and(|text| text == known.text);
+    if !(arguments.resume && is_same) {
+        // What is there is of another program, scene or recording.
+        let old = folder.join(RUN_FILE);
+        if old.exists() {
+            fs::remove_file(&old).map_err(|e| OutputError::at("remove the old", &old, e))?;
+        }
+    }
+    out.write(&format!("{RUNGS}/{name}.toml"), |w| w.write_all(known.text.as_bytes()))?;
+    if let Some(ending) = found(&folder) {
+        return Ok(ending);
+    }
+    let needed = known.expected.memory_mib;
+    if let Some(free) = free_memory_mib().filter(|free| needed > *free) {
+        return Ok(Ending::Failed(format!(
+            "not run: it needs about {needed:.0} MiB, {free:.0} MiB are free"
+        )));
+    }
+    let program =
+        std::env::current_exe().map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
+    let mut command = Command::new(program);
+    command
+        .arg("--quiet")
+        .arg("--threads")
+        .arg(rayon::current_num_threads().to_string())
+        .arg("step")
+        .arg(&file);
+    command.arg("--out").arg(&folder).arg("--force");
+    if let Some(data) = &arguments.data {
+        command.arg("--data").arg(data);
+    }
+    if arguments.resume {
+        command.arg("--resume");
+    }
+    let output = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).output();
+    let output = output.map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
+    Ok(found(&folder).unwrap_or_else(|| {
+        let said = String::from_utf8_lossy(&output.stderr);
+        Ending::Failed(match output.status.code() {
+            Some(_) => said.trim().trim_start_matches("error: ").to_string(),
+            None => "it was killed, as systems do that run out of memory".into(),
+        })
+    }))
+}
+
+/// What a complete folder of a rung says.
+fn found(folder: &Path) -> Option<Ending> {
+    let text = fs::read_to_string(folder.join(RUN_FILE)).ok()?;
+    let run: serde_json::Value = serde_json::from_str(&text).ok()?;
+    if run["status"] != "solved" {
+        return Some(Ending::Failed(run["reason"].as_str().unwrap_or("not solved").to_string()));
+    }
+    let numbers = read_numbers(&folder.join("quantities.csv")).ok()?;
+    let stages: BTreeMap<String, f64> = serde_json::from_value(run["seconds"].clone()).ok()?;
+    let calibration = stages.get(STAGES[2]).copied().unwrap_or(0.0);
+    let count = |key: &str| run["size"][key].as_u64().unwrap_or(0) as usize;
+    let taken = Taken {
+        elements: count("elements"),
+        unknowns: count("unknowns"),
+        seconds: stages.values().sum::<f64>() - calibration,
+        calibration_seconds: calibration,
+        peak_mib: run["peak_memory_mib"].as_f64(),
+        stages,
+    };
+    Some(Ending::Solved { taken, numbers })
+}
+
+/// Memory that programs can have \[MiB\]; `None` where the system does not tell.
+fn free_memory_mib() -> Option<f64> {
+    let mut system = System::new();
+    system.refresh_memory();
+    Some(system.available_memory()).filter(|bytes| *bytes > 0).map(|bytes| bytes as f64 / f64::from(1 << 20))
+}
+
+/// The best combinations: for every mesh the cheapest settings on the other axes whose own errors are small beside that of the mesh.
+fn combinations(ladder: &Ladder, endings: &[Option<Ending>]) -> Vec<(String, BTreeMap<String, toml::Value>)> {
+    let solved = |rung: usize| endings.get(rung).and_then(|e| e.as_ref()).and_then(Ending::solved);
+    let deviation = |rung: usize, reference: usize| {
+        Deviation::of(solved(rung)?.1, solved(reference)?.1).map(|d| d.largest)
+    };
+    let Some(mesh) = ladder.mesh_axis() else { return Vec::new() };
+    let finest = *mesh.rungs.last().expect("two at least");
+    let mut found = Vec::new();
+    for &rung in mesh.rungs.iter().filter(|&&rung| rung != finest) {
+        let Some(error) = deviation(rung, finest) else { continue };
+        let mut differs = ladder.rungs[rung].differs.clone();
+        let mut words = Vec::new();
+        for axis in ladder.axes.iter().filter(|a| a.with.is_empty() && a.key != mesh.key) {
+            if matches!(axis.owner, Owner::Modelling | Owner::Path) {
+                continue;
+            }
+            let reference = *axis.rungs.last().expect("two at least");
+            let good = |&&r: &&usize| deviation(r, reference).is_some_and(|e| e <= SMALL * error);
+            let seconds = |r: usize| solved(r).map_or(f64::INFINITY, |(taken, _)| taken.seconds);
+            let cheapest =
+                axis.rungs.iter().filter(good).min_by(|a, b| seconds(**a).total_cmp(&seconds(**b)));
+            if let Some(&cheapest) = cheapest.filter(|r| **r != 0 && seconds(**r) < seconds(0)) {
+                differs.extend(ladder.rungs[cheapest].differs.clone());
+                words.push(ladder.rungs[cheapest].name.clone());
+            }
+        }
+        if !words.is_empty() {
+            found.push((format!("{}+{}", ladder.rungs[rung].name, words.join("+")), differs));
+        }
+    }
+    found
+}
+
+fn print(w: &mut impl Write, report: &CostReport, folder: &Path) -> std::io::Result<()> {
+    writeln!(
+        w,
+        "{}: errors of section forces above 20 N against {}",
+        report.ladder.name,
+        report.reference_name()
+    )?;
+    writeln!(
+        w,
+        "  {:<44}{:>9}{:>9}{:>8}{:>12}{:>9}",
+        "setting", "elements", "s", "MiB", "largest, %", "rms, %"
+    )?;
+    for row in report.rows() {
+        let number = |v: Option<f64>, digits| v.map_or("-".into(), |v| plain(v, digits));
+        match (&row.taken, &row.failed) {
+            (Some(taken), _) => writeln!(
+                w,
+                "  {:<44}{:>9}{:>9}{:>8}{:>12}{:>9}",
+                row.name,
+                taken.elements,
+                plain(taken.seconds, 1),
+                number(taken.peak_mib, 0),
+                number(row.deviation.map(|d| 100.0 * d.largest), 1),
+                number(row.deviation.map(|d| 100.0 * d.rms), 1)
+            )?,
+            (None, Some(why)) => writeln!(w, "  {:<44}{why}", row.name)?,
+            (None, None) => {}
+        }
+    }
+    for note in report.notes() {
+        writeln!(w, "  note: {note}")?;
+    }
+    for missing in report.missing() {
+        writeln!(w, "not solved: {missing}")?;
+    }
+    writeln!(w, "files in {}, open report.html there", folder.display())
+}

@@ -1,0 +1,442 @@
+//! The page of `cost`: error against seconds, what every axis buys, what every effect costs, how sure every force is.
+
+use std::fmt::Write;
+
+use coupling::cost::accuracy::{Errors, errors};
+use coupling::cost::curve::{Point, cheapest, pareto};
+use coupling::cost::ladder::{Ladder, Owner};
+use coupling::cost::rung::{Deviation, Ending, LEAST_FORCE, SECTION_FORCE, Taken};
+use coupling::number::{fixed, significant, with_error};
+
+use super::page::{document, grid, section, table};
+use super::svg::{escape, px};
+
+/// Accuracies that a person asks for \[%\].
+const WANTED: [f64; 4] = [20.0, 10.0, 5.0, 2.0];
+
+/// Everything that the page shows.
+pub struct CostReport<'a> {
+    /// The ladder.
+    pub ladder: &'a Ladder,
+    endings: &'a [Option<Ending>],
+    /// The rung that all others are measured against.
+    reference: usize,
+    /// Errors of the numbers of the base.
+    pub errors: Vec<Errors>,
+}
+
+/// A rung beside a reference.
+#[derive(Clone, Debug)]
+pub struct Row<'a> {
+    /// Name of the rung.
+    pub name: &'a str,
+    /// What it took; absent where it has no numbers.
+    pub taken: Option<Taken>,
+    /// Why it has none.
+    pub failed: Option<&'a str>,
+    /// How far it is from the reference.
+    pub deviation: Option<Deviation>,
+}
+
+/// An axis with its rungs, from coarse to fine.
+pub struct AxisRows<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Whose error shrinks along it.
+    pub owner: Owner,
+    /// What its rungs are measured against.
+    pub reference: &'a str,
+    /// Its rungs.
+    pub rungs: Vec<Row<'a>>,
+}
+
+impl<'a> CostReport<'a> {
+    /// Of a ladder and what came of its rungs.
+    pub fn new(ladder: &'a Ladder, endings: &'a [Option<Ending>]) -> CostReport<'a> {
+        let finest = ladder.mesh_axis().and_then(|axis| axis.rungs.last()).copied();
+        CostReport { ladder, endings, reference: finest.unwrap_or(0), errors: errors(ladder, endings) }
+    }
+
+    /// Name of the rung that all others are measured against.
+    pub fn reference_name(&self) -> &str {
+        &self.ladder.rungs[self.reference].name
+    }
+
+    fn row(&self, rung: usize, reference: usize) -> Row<'a> {
+        let solved = |rung: usize| self.endings.get(rung).and_then(|e| e.as_ref()).and_then(Ending::solved);
+        let own = solved(rung);
+        Row {
+            name: &self.ladder.rungs[rung].name,
+            taken: own.map(|(taken, _)| taken.clone()),
+            failed: match self.endings.get(rung) {
+                Some(Some(Ending::Failed(why))) => Some(why),
+                _ => None,
+            },
+            deviation: own.zip(solved(reference)).and_then(|((_, a), (_, b))| Deviation::of(a, b)),
+        }
+    }
+
+    /// Every rung against the reference.
+    pub fn rows(&self) -> Vec<Row<'a>> {
+        (0..self.ladder.rungs.len()).map(|rung| self.row(rung, self.reference)).collect()
+    }
+
+    /// Every axis against its last rung; several equilibria against the base.
+    pub fn axes(&self) -> Vec<AxisRows<'a>> {
+        let of = |axis: &'a coupling::cost::ladder::Axis| {
+            let reference = match axis.owner {
+                Owner::Path => 0,
+                _ => *axis.rungs.last().expect("two at least"),
+            };
+            AxisRows {
+                name: &axis.name,
+                owner: axis.owner,
+                reference: &self.ladder.rungs[reference].name,
+                rungs: axis.rungs.iter().map(|&rung| self.row(rung, reference)).collect(),
+            }
+        };
+        self.ladder.axes.iter().map(of).collect()
+    }
+
+    /// Rungs without which there is no curve.
+    pub fn missing(&self) -> Vec<String> {
+        let mut needed = vec![0, self.reference];
+        needed.dedup();
+        let without = |&rung: &usize| {
+            let row = self.row(rung, rung);
+            row.taken.is_none().then(|| format!("{}: {}", row.name, row.failed.unwrap_or("no numbers")))
+        };
+        needed.iter().filter_map(without).collect()
+    }
+
+    /// Where the error does not fall along an axis.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for axis in self.axes().iter().filter(|axis| axis.owner != Owner::Path) {
+            let known: Vec<(&str, f64)> =
+                axis.rungs.iter().filter_map(|r| Some((r.name, 100.0 * r.deviation?.largest))).collect();
+            for pair in known.windows(2).filter(|pair| pair[1].1 > pair[0].1) {
+                notes.push(format!(
+                    "along `{}` the error does not fall from {} ({} %) to {} ({} %)",
+                    axis.name,
+                    pair[0].0,
+                    significant(pair[0].1, 2),
+                    pair[1].0,
+                    significant(pair[1].1, 2)
+                ));
+            }
+        }
+        notes
+    }
+
+    fn points(&self) -> Vec<Point> {
+        let point = |row: &Row| {
+            let (taken, deviation) = (row.taken.as_ref()?, row.deviation?);
+            Some(Point { setting: row.name.to_string(), seconds: taken.seconds, error: deviation.largest })
+        };
+        self.rows().iter().filter_map(point).collect()
+    }
+
+    /// The curve for programs.
+    pub fn verdict(&self) -> serde_json::Value {
+        let points = self.points();
+        let curve = pareto(&points).into_iter().map(|k| {
+            serde_json::json!({ "setting": points[k].setting, "seconds": points[k].seconds, "error_percent": 100.0 * points[k].error })
+        });
+        serde_json::json!({ "reference": self.reference_name(), "rungs": self.ladder.rungs.len(), "curve": curve.collect::<Vec<_>>() })
+    }
+}
+
+/// The whole page.
+pub fn cost_page(report: &CostReport) -> String {
+    let mut body = format!(
+        "<header><p class=\"eyebrow\">What accuracy costs</p><h1>{}</h1></header>\n",
+        escape(&report.ladder.name)
+    );
+    let points = report.points();
+    let answers: Vec<Vec<String>> = WANTED
+        .iter()
+        .map(|percent| match cheapest(&points, percent / 100.0) {
+            Some(p) => vec![
+                format!("{percent} %"),
+                p.setting.clone(),
+                fixed(p.seconds, 1),
+                significant(100.0 * p.error, 2),
+            ],
+            None => vec![format!("{percent} %"), "no rung reaches it".into(), "–".into(), "–".into()],
+        })
+        .collect();
+    let lead = format!(
+        "Error: of the section force that is farthest from that of {}, of all above {LEAST_FORCE} N. Seconds without calibration, which is made once per mesh.",
+        report.reference_name()
+    );
+    body += &section("Cheapest setting", &lead, &table(&["wanted", "setting", "s", "error, %"], 2, &answers));
+    let figures = [
+        scatter(
+            "Error against seconds",
+            "error, %",
+            &report.rows(),
+            |row| row.deviation.map(|d| 100.0 * d.largest),
+            true,
+        ),
+        scatter("Memory against seconds", "MiB", &report.rows(), |row| row.taken.as_ref()?.peak_mib, false),
+    ];
+    let lead = "Every rung a point; the line joins those that nothing cheaper is as accurate as. Dashed: a method whose error halves when the time doubles.";
+    body += &section("Curve", lead, &grid("half", &figures));
+    body += &section("Rungs", "", &rungs(report));
+    body += &section(
+        "Axes",
+        "Each axis against its own last rung, everything else as in the base.",
+        &axes(report),
+    );
+    body += &section(
+        "What effects cost",
+        "Seconds and memory of the base less those without the effect; what its absence does to the section forces.",
+        &effects(report),
+    );
+    let lead = "Value of the base, and how far it may be off as the answer to its scene: discretisation, regularisation, tolerance and path together. What the model leaves out stands apart.";
+    body += &section("How sure every force is", lead, &sureness(report));
+    let notes = report.notes();
+    if !notes.is_empty() {
+        body += &section("Notes", "", &super::page::list(notes.iter().map(|n| escape(n))));
+    }
+    document(&format!("What accuracy costs: {}", report.ladder.name), &body)
+}
+
+fn rungs(report: &CostReport) -> String {
+    let rows: Vec<Vec<String>> = report
+        .rows()
+        .iter()
+        .map(|row| match (&row.taken, row.failed) {
+            (Some(t), _) => vec![
+                row.name.to_string(),
+                t.elements.to_string(),
+                t.unknowns.to_string(),
+                fixed(t.seconds, 1),
+                fixed(t.calibration_seconds, 1),
+                t.peak_mib.map_or("–".into(), |m| fixed(m, 0)),
+                row.deviation.map_or("–".into(), |d| significant(100.0 * d.largest, 2)),
+                row.deviation.map_or("–".into(), |d| significant(100.0 * d.rms, 2)),
+            ],
+            (None, why) => {
+                let mut cells = vec![format!("{}: {}", row.name, why.unwrap_or("not run"))];
+                cells.resize(8, "–".into());
+                cells
+            }
+        })
+        .collect();
+    table(
+        &["rung", "elements", "unknowns", "s", "calibration, s", "MiB", "largest error, %", "rms, %"],
+        1,
+        &rows,
+    )
+}
+
+fn axes(report: &CostReport) -> String {
+    let mut rows = Vec::new();
+    for axis in report.axes() {
+        for rung in &axis.rungs {
+            rows.push(vec![
+                axis.name.to_string(),
+                axis.owner.name().to_string(),
+                rung.name.to_string(),
+                rung.taken.as_ref().map_or("–".into(), |t| fixed(t.seconds, 1)),
+                rung.deviation.map_or("–".into(), |d| significant(100.0 * d.largest, 2)),
+                rung.deviation.map_or("–".into(), |d| significant(100.0 * d.rms, 2)),
+            ]);
+        }
+    }
+    table(&["axis", "error", "rung", "s", "largest error, %", "rms, %"], 3, &rows)
+}
+
+fn effects(report: &CostReport) -> String {
+    let base = report.row(0, 0);
+    let mut rows = Vec::new();
+    for axis in report.ladder.axes.iter().filter(|a| a.owner == Owner::Modelling && a.with.is_empty()) {
+        for &rung in axis.rungs.iter().filter(|&&rung| rung != 0) {
+            let row = report.row(rung, 0);
+            let (Some(own), Some(all)) = (&row.taken, &base.taken) else { continue };
+            rows.push(vec![
+                row.name.to_string(),
+                fixed(own.seconds - all.seconds, 1),
+                own.peak_mib.zip(all.peak_mib).map_or("–".into(), |(own, all)| fixed(own - all, 0)),
+                row.deviation.map_or("–".into(), |d| significant(100.0 * d.largest, 2)),
+                row.deviation.map_or("–".into(), |d| significant(100.0 * d.rms, 2)),
+            ]);
+        }
+    }
+    table(&["in place of the base", "s more", "MiB more", "largest change, %", "rms, %"], 1, &rows)
+}
+
+fn sureness(report: &CostReport) -> String {
+    let forces = report.errors.iter().filter(|e| e.of[1] == SECTION_FORCE);
+    let rows: Vec<Vec<String>> = forces
+        .map(|e| {
+            let of = |owner: Owner| e.by_owner.get(&owner).map_or("–".into(), |v| significant(*v, 2));
+            let mut cells = vec![
+                e.of[0].replace('_', " "),
+                e.of[2].replace('_', " "),
+                with_error(e.value, Some(e.total())),
+                e.finest.map_or("–".into(), |v| significant(v, 4)),
+                e.order.map_or("none seen".into(), |p| fixed(p, 1)),
+            ];
+            cells.extend(Owner::ALL.map(of));
+            cells
+        })
+        .collect();
+    let owners = Owner::ALL.map(Owner::name);
+    let header: Vec<&str> =
+        ["step", "muscle", "force, N", "finest mesh, N", "order"].into_iter().chain(owners).collect();
+    table(&header, 2, &rows)
+}
+
+/// A figure of decades: every rung a point with its name. `ideal`: with the line of a method whose error halves when the time doubles.
+fn scatter(
+    title: &str,
+    quantity: &str,
+    rows: &[Row],
+    of: impl Fn(&Row) -> Option<f64>,
+    ideal: bool,
+) -> String {
+    const SIZE: [f64; 2] = [560.0, 380.0];
+    const BOX: [f64; 4] = [52.0, 8.0, 546.0, 340.0]; // left, top, right, bottom
+    let mut points: Vec<Point> = rows
+        .iter()
+        .filter_map(|row| {
+            let (seconds, value) = (row.taken.as_ref()?.seconds, of(row)?);
+            (seconds > 0.0 && value > 0.0).then(|| Point { setting: row.name.into(), seconds, error: value })
+        })
+        .collect();
+    points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    if points.is_empty() {
+        return String::new();
+    }
+    let decades = |of: fn(&Point) -> f64| {
+        let low = points.iter().map(of).fold(f64::INFINITY, f64::min).log10().floor();
+        let high = points.iter().map(of).fold(0.0, f64::max).log10().ceil();
+        [low, high.max(low + 1.0)]
+    };
+    let (across, up) = (decades(|p| p.seconds), decades(|p| p.error));
+    let x = |v: f64| BOX[0] + (v.log10() - across[0]) / (across[1] - across[0]) * (BOX[2] - BOX[0]);
+    let y = |v: f64| BOX[3] - (v.log10() - up[0]) / (up[1] - up[0]) * (BOX[3] - BOX[1]);
+    let mut svg = format!(
+        "<figure><figcaption><b>{}</b></figcaption><svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">",
+        escape(title),
+        px(SIZE[0]),
+        px(SIZE[1]),
+        escape(title)
+    );
+    for (range, is_across) in [(across, true), (up, false)] {
+        for decade in range[0] as i32..=range[1] as i32 {
+            for k in 1..10 {
+                let v = f64::from(k) * 10f64.powi(decade);
+                if v > 10f64.powf(range[1]) * 1.001 {
+                    break;
+                }
+                let class = if k == 1 { "axis" } else { "gridline" };
+                let _ = match is_across {
+                    true => write!(
+                        svg,
+                        "<path class=\"gridline\" d=\"M{} {}V{}\"/>",
+                        px(x(v)),
+                        px(BOX[1]),
+                        px(BOX[3])
+                    ),
+                    false => write!(
+                        svg,
+                        "<path class=\"gridline\" d=\"M{} {}H{}\"/>",
+                        px(BOX[0]),
+                        px(y(v)),
+                        px(BOX[2])
+                    ),
+                };
+                if k == 1 || (k != 4 && k < 6 && range[1] - range[0] < 2.5 && k != 3) {
+                    let text = coupling::number::short(v);
+                    let _ = match is_across {
+                        true => write!(
+                            svg,
+                            "<path class=\"{class}\" d=\"M{} {}v4\"/><text class=\"mid\" x=\"{}\" y=\"{}\">{text}</text>",
+                            px(x(v)),
+                            px(BOX[3]),
+                            px(x(v)),
+                            px(BOX[3] + 15.0)
+                        ),
+                        false => write!(
+                            svg,
+                            "<text class=\"end\" x=\"{}\" y=\"{}\">{text}</text>",
+                            px(BOX[0] - 6.0),
+                            px(y(v) + 3.5)
+                        ),
+                    };
+                }
+            }
+        }
+    }
+    let _ = write!(
+        svg,
+        "<path class=\"axis\" d=\"M{} {}V{}H{}\"/><text class=\"mid\" x=\"{}\" y=\"{}\">time, s</text>\
+         <text class=\"mid\" transform=\"translate(11 {}) rotate(-90)\">{}</text>",
+        px(BOX[0]),
+        px(BOX[1]),
+        px(BOX[3]),
+        px(BOX[2]),
+        px(0.5 * (BOX[0] + BOX[2])),
+        px(SIZE[1] - 6.0),
+        px(0.5 * (BOX[1] + BOX[3])),
+        escape(quantity)
+    );
+    if ideal {
+        let front = pareto(&points);
+        let path: Vec<String> = front
+            .iter()
+            .map(|&k| format!("{} {}", px(x(points[k].seconds)), px(y(points[k].error))))
+            .collect();
+        let _ = write!(svg, "<path class=\"line c1\" d=\"M{}\"/>", path.join("L"));
+        let (low, high) = (10f64.powf(across[0]), 10f64.powf(across[1]));
+        // Through the middle of the figure, as far as it reaches.
+        let middle = 10f64.powf(0.5 * (across[0] + across[1]) + 0.5 * (up[0] + up[1]));
+        let (from, to) = (low.max(middle / 10f64.powf(up[1])), high.min(middle / 10f64.powf(up[0])));
+        let _ = write!(
+            svg,
+            "<path class=\"bound\" d=\"M{} {}L{} {}\"/>",
+            px(x(from)),
+            px(y(middle / from)),
+            px(x(to)),
+            px(y(middle / to))
+        );
+    }
+    let mut taken: Vec<[f64; 3]> = Vec::new(); // left, right and height of the labels that are there
+    for p in &points {
+        let (at, up) = (x(p.seconds), y(p.error));
+        let _ = write!(
+            svg,
+            "<circle class=\"c2\" cx=\"{}\" cy=\"{}\" r=\"3.2\"><title>{}: {} s, {}</title></circle>",
+            px(at),
+            px(up),
+            escape(&p.setting),
+            fixed(p.seconds, 1),
+            significant(p.error, 3)
+        );
+        let width = 5.6 * p.setting.chars().count() as f64;
+        let to_left = at + 8.0 + width > BOX[2];
+        let [from, to] = if to_left { [at - 8.0 - width, at - 8.0] } else { [at + 8.0, at + 8.0 + width] };
+        let free = |y: f64, taken: &[[f64; 3]]| {
+            taken.iter().all(|t| to < t[0] || from > t[1] || (y - t[2]).abs() > 10.5)
+        };
+        // Nearest free height, a point without one keeps its name as a tooltip.
+        let height = [0.0, -11.0, 11.0, -22.0, 22.0].iter().map(|d| up + d + 3.5).find(|y| free(*y, &taken));
+        if let Some(height) = height {
+            taken.push([from, to, height]);
+            let class = if to_left { "end minor" } else { "minor" };
+            let _ = write!(
+                svg,
+                "<text class=\"{class}\" x=\"{}\" y=\"{}\">{}</text>",
+                px(if to_left { to } else { from }),
+                px(height),
+                escape(&p.setting.replace('_', " "))
+            );
+        }
+    }
+    svg.push_str("</svg></figure>");
+    svg
+}
