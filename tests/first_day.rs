@@ -523,8 +523,14 @@ fn the_page_of_keys_is_what_the_source_says() {
          Paths are looked for beside the scene, then in `--data`.",
         SCENE_KEYS,
     );
+    let ladder = page(
+        "Ladder",
+        "What `cost` measures: a scene, and keys of it that go from coarse to fine.\n\
+         `sartorius cost` without a file does the shipped one, `gait-data/ladders/walker.toml`.",
+        coupling::cost::ladder::KEYS,
+    );
     let text = format!(
-        "# Keys\n\nEvery key of the two kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}"
+        "# Keys\n\nEvery key of the three kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}\n{ladder}"
     );
     assert_page("keys.md", &text);
 }
@@ -590,6 +596,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     fs::write(folder.join("thermal.toml"), "muscles = [\"gracilis\"]\nstress_free = \"heel_strike\"\nresolution_mm = 20\n[effects]\ncontact = \"none\"\n").unwrap();
     let example = |name: &str| format!("{}/../fem/examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
+    fs::write(folder.join("ladder.toml"), "scene = \"hill.toml\"\n[[axis]]\nname = \"mesh\"\nkey = \"resolution_mm\"\nvalues = [20.0, 14.0]\nerror = \"discretisation\"\n").unwrap();
     for arguments in [
         &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv"][..],
         &["compare", "hill.toml", "--out", "c"],
@@ -599,6 +606,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["mesh", "--resolution", "20", "--only", "gracilis", "--out", "m"],
         &["solve", &example("squashed_block"), "--out", "s"],
         &["solve", &example("strap_over_rod"), "--out", "r"],
+        &["cost", "ladder.toml", "--out", "l"],
     ] {
         let output = sartorius(arguments, folder);
         // A single pass of two-way coupling or a single muscle may miss its verdict; its tables are written all the same.
@@ -611,7 +619,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "v", "c", "w", "t", "m", "s", "r"] {
+    for part in ["o", "v", "c", "w", "t", "m", "s", "r", "l"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()
