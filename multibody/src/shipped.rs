@@ -20,6 +20,8 @@ pub enum Kind {
     Subject,
     /// Ladder of `cost`.
     Ladder,
+    /// Curve of `compare --accuracy`.
+    Curve,
 }
 
 /// Name with ending, and text.
@@ -36,6 +38,7 @@ const SCENES: &[File] = files!("scenes": "walker.toml" "walker_no_contact.toml" 
 const TRIALS: &[File] = files!("trials": "DM_ngait_og3.toml" "DM_ngait_og4.toml" "jw_ngait_og1.toml" "jw_ngait_og3.toml"
     "jw_ngait_og3_both.toml" "jw_ngait_og7.toml");
 const LADDERS: &[File] = files!("ladders": "walker.toml");
+const CURVES: &[File] = files!("curves": "walker.toml");
 const SUBJECTS: &[File] = files!("subjects": "DM.csv");
 
 impl Kind {
@@ -45,6 +48,7 @@ impl Kind {
             Kind::Trial => "trials",
             Kind::Subject => "subjects",
             Kind::Ladder => "ladders",
+            Kind::Curve => "curves",
         }
     }
 
@@ -54,6 +58,7 @@ impl Kind {
             Kind::Trial => TRIALS,
             Kind::Subject => SUBJECTS,
             Kind::Ladder => LADDERS,
+            Kind::Curve => CURVES,
         }
     }
 
@@ -76,7 +81,7 @@ pub fn text(path: &Path) -> Option<&'static str> {
         let name = rest.strip_prefix(kind.folder()).ok()?;
         kind.files().iter().find(|(file, _)| Path::new(file) == name).map(|(_, text)| *text)
     };
-    [Kind::Scene, Kind::Trial, Kind::Subject, Kind::Ladder].into_iter().find_map(of)
+    [Kind::Scene, Kind::Trial, Kind::Subject, Kind::Ladder, Kind::Curve].into_iter().find_map(of)
 }
 
 /// Whether this is the path of a shipped file.

@@ -1,35 +1,165 @@
 //! Accuracy against seconds: which settings nothing cheaper is as accurate as, and the cheapest for a wanted accuracy.
+//!
+//! A curve is kept as a file (TOML, `curve.toml` of `cost`), so that `compare --accuracy` can choose by it, also on a scene that it has not seen.
 
-/// A rung on the curve.
-#[derive(Clone, Debug, PartialEq)]
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use multibody::InputError;
+use multibody::error::Place;
+use multibody::shipped::{self, Kind};
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::ladder::{Axis, Ladder, Owner};
+use super::rung::{Deviation, Ending};
+
+/// Key of a scene that says whether bodies take notice of each other.
+const CONTACT: &str = "effects.contact";
+
+/// A setting with what it costs and how far it is from the finest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Point {
-    /// Its name.
+    /// Name of its rung.
     pub setting: String,
-    /// Wall time \[s\].
+    /// Wall time without calibration \[s\].
     pub seconds: f64,
-    /// Error as a fraction.
-    pub error: f64,
+    /// Largest error of a section force above 20 N against the finest setting \[%\].
+    pub error_percent: f64,
+    /// Keys of the scene that make it, dotted.
+    #[serde(default)]
+    pub keys: BTreeMap<String, Value>,
+    /// What a coarser run shows.
+    #[serde(default)]
+    pub coarser: Option<Coarser>,
 }
 
-/// Places of the points that no other is both faster and at least as accurate as, from fast to accurate.
-pub fn pareto(points: &[Point]) -> Vec<usize> {
+/// The setting with the next coarser mesh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coarser {
+    /// Name of its rung.
+    pub setting: String,
+    /// Largest difference of a section force above 20 N between the two \[%\].
+    pub difference_percent: f64,
+    /// Keys of the scene that make it, dotted.
+    #[serde(default)]
+    pub keys: BTreeMap<String, Value>,
+}
+
+/// A curve as it is kept.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Curve {
+    /// Scene that it was measured on.
+    pub scene: String,
+    /// The finest setting, which errors are measured against.
+    pub reference: String,
+    /// Settings with contact, the cheapest first.
+    #[serde(default)]
+    pub contact: Vec<Point>,
+    /// The same without contact.
+    #[serde(default)]
+    pub no_contact: Vec<Point>,
+}
+
+impl Curve {
+    /// Reads a curve; a word alone is that of the shipped ladder of this name.
+    pub fn read(file: &Path) -> Result<Curve, InputError> {
+        let file = shipped::find(file, Kind::Curve)?;
+        let text = match shipped::text(&file) {
+            Some(text) => text.to_string(),
+            None => std::fs::read_to_string(&file)
+                .map_err(|source| InputError::Io { file: file.clone(), source })?,
+        };
+        toml::from_str(&text).map_err(|e: toml::de::Error| InputError::Malformed {
+            at: e.span().map_or(Place::Whole, |s| Place::Line(multibody::keys::line_of(&text, s.start))),
+            file,
+            problem: e.message().to_string(),
+            remedy: "give the `curve.toml` that `sartorius cost` wrote".into(),
+        })
+    }
+}
+
+impl Curve {
+    /// Of a ladder and what came of its rungs: settings that change how exactly the scene is computed, not what is in it.
+    pub fn of(ladder: &Ladder, endings: &[Option<Ending>]) -> Curve {
+        let mut curve = Curve { scene: ladder.rungs[0].scene.name.clone(), ..Curve::default() };
+        let alone = |axis: &Axis| {
+            axis.with.len() == 1 && axis.with.get(CONTACT).and_then(Value::as_str) == Some("none")
+        };
+        let mesh = |of: &dyn Fn(&Axis) -> bool| ladder.axes.iter().find(|axis| axis.is_mesh() && of(axis));
+        if let Some(axis) = mesh(&|axis| axis.with.is_empty()) {
+            curve.reference = ladder.rungs[axis.finest()].name.clone();
+            curve.contact = points(ladder, endings, axis);
+        }
+        if let Some(axis) = mesh(&alone) {
+            curve.no_contact = points(ladder, endings, axis);
+        }
+        curve
+    }
+}
+
+/// Settings beside the rungs of an axis of meshes.
+fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis) -> Vec<Point> {
+    let solved = |rung: usize| endings.get(rung).and_then(|e| e.as_ref()).and_then(Ending::solved);
+    let difference =
+        |a: usize, b: usize| Deviation::of(solved(a)?.1, solved(b)?.1).map(|d| 100.0 * d.largest);
+    let exact =
+        |axis: &&Axis| !matches!(axis.owner, Owner::Modelling | Owner::Path) && axis.with == mesh.with;
+    let numerical: BTreeSet<&str> = ladder.axes.iter().filter(exact).map(|axis| axis.key.as_str()).collect();
+    let belongs = |rung: &&usize| {
+        let differs = &ladder.rungs[**rung].differs;
+        mesh.with.iter().all(|(key, value)| differs.get(key) == Some(value))
+            && differs.keys().all(|key| mesh.with.contains_key(key) || numerical.contains(key.as_str()))
+    };
+    let size = |rung: usize| ladder.rungs[rung].scene.resolution;
+    let mut points: Vec<Point> = (0..ladder.rungs.len())
+        .collect::<Vec<_>>()
+        .iter()
+        .filter(belongs)
+        .filter_map(|&rung| {
+            let coarser = mesh.rungs.iter().filter(|&&r| size(r) > size(rung) && solved(r).is_some());
+            let coarser = coarser.min_by(|a, b| size(**a).total_cmp(&size(**b)));
+            Some(Point {
+                setting: ladder.rungs[rung].name.clone(),
+                seconds: solved(rung)?.0.seconds,
+                error_percent: difference(rung, mesh.finest())?,
+                keys: ladder.rungs[rung].differs.clone(),
+                coarser: coarser.and_then(|&r| {
+                    Some(Coarser {
+                        setting: ladder.rungs[r].name.clone(),
+                        difference_percent: difference(r, rung)?,
+                        keys: ladder.rungs[r].differs.clone(),
+                    })
+                }),
+            })
+        })
+        .collect();
+    points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    points
+}
+
+/// Places of the points that no other is both faster and at least as accurate as, from fast to accurate. Points: seconds and error.
+pub fn pareto(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| {
-        let (a, b) = (&points[a], &points[b]);
-        a.seconds.total_cmp(&b.seconds).then(a.error.total_cmp(&b.error)).then(a.setting.cmp(&b.setting))
+        let ([t, e], [s, d]) = (points[a], points[b]);
+        t.total_cmp(&s).then(e.total_cmp(&d)).then(a.cmp(&b))
     });
     let mut best = f64::INFINITY;
     order.retain(|&k| {
-        let better = points[k].error < best;
-        best = best.min(points[k].error);
+        let better = points[k][1] < best;
+        best = best.min(points[k][1]);
         better
     });
     order
 }
 
-/// The cheapest point that is accurate enough.
+/// The cheapest point that is accurate enough \[%\].
 pub fn cheapest(points: &[Point], wanted: f64) -> Option<&Point> {
-    let enough = points.iter().filter(|p| p.error <= wanted);
+    let enough = points.iter().filter(|p| p.error_percent <= wanted);
     enough.min_by(|a, b| a.seconds.total_cmp(&b.seconds).then(a.setting.cmp(&b.setting)))
 }
 
@@ -39,16 +169,22 @@ mod tests {
 
     #[test]
     fn what_is_slower_and_no_better_is_not_on_the_front() {
-        let point = |setting: &str, seconds, error| Point { setting: setting.into(), seconds, error };
-        let points = [
-            point("a", 1.0, 0.5),
-            point("b", 2.0, 0.6),
-            point("c", 3.0, 0.1),
-            point("d", 3.0, 0.2),
-            point("e", 9.0, 0.0),
-        ];
+        let points = [[1.0, 0.5], [2.0, 0.6], [3.0, 0.1], [3.0, 0.2], [9.0, 0.0]];
         assert_eq!(pareto(&points), [0, 2, 4]);
-        assert_eq!(cheapest(&points, 0.3).unwrap().setting, "c");
+    }
+
+    #[test]
+    fn the_cheapest_that_is_good_enough_is_chosen() {
+        let point = |setting: &str, seconds, error_percent| Point {
+            setting: setting.into(),
+            seconds,
+            error_percent,
+            keys: BTreeMap::new(),
+            coarser: None,
+        };
+        let points =
+            [point("a", 1.0, 50.0), point("c", 3.0, 10.0), point("d", 3.5, 9.0), point("e", 9.0, 0.0)];
+        assert_eq!(cheapest(&points, 30.0).unwrap().setting, "c");
         assert_eq!(cheapest(&points, -1.0), None);
     }
 }

@@ -104,6 +104,11 @@ impl Axis {
     pub fn is_mesh(&self) -> bool {
         self.key == "resolution_mm"
     }
+
+    /// Its last rung.
+    pub fn finest(&self) -> usize {
+        *self.rungs.last().expect("two at least")
+    }
 }
 
 /// Name of the rung that everything but the axis is taken from.
@@ -302,8 +307,8 @@ fn known_key(key: &str) -> Result<(), String> {
     Err(format!("{meant}keys of a scene are {}", all.join(", ")))
 }
 
-/// A scene with keys in place of its own.
-fn changed(
+/// A scene with keys, dotted, in place of its own; `name`: what it is called.
+pub fn changed(
     base: &Scene,
     keys: &BTreeMap<String, Value>,
     name: &str,

@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::configuration::Configuration;
+use crate::study::quantities::Quantity;
+
 /// Numbers of a run by step, configuration, quantity and whose it is, as in `quantities.csv`.
 pub type Numbers = BTreeMap<[String; 3], f64>;
 
@@ -52,6 +55,12 @@ impl Ending {
             Ending::Failed(_) => None,
         }
     }
+}
+
+/// The numbers of a comparison in one configuration.
+pub fn numbers_of(quantities: &[Quantity], configuration: Configuration) -> Numbers {
+    let of = quantities.iter().filter(|q| q.configuration == configuration);
+    of.map(|q| ([q.step.name().to_string(), q.kind.name().to_string(), q.of.clone()], q.value)).collect()
 }
 
 /// Reads `quantities.csv`: what another process has written. The configuration is left out: a rung has one.

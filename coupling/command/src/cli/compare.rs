@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 
+use super::accuracy::Accuracy;
 use super::progress::Progress;
 use super::scenes::{read_scene, scenes};
 use super::{Outcome, RunArguments, tell};
@@ -48,8 +49,21 @@ pub struct CompareArguments {
     /// Passes of two-way coupling at most; the first is the one-way result.
     #[arg(long, value_name = "N", default_value_t = MOST_PASSES as u16, value_parser = clap::value_parser!(u16).range(1..=200))]
     passes: u16,
+    /// Take the cheapest setting whose section forces above 20 N are within so many percent of the finest one's, by a curve of `cost`, and
+    /// check it with one coarser run.
+    #[arg(long, value_name = "PERCENT", value_parser = percent, conflicts_with_all = ["resolution", "two_way"])]
+    accuracy: Option<f64>,
+    /// Curve to choose by: `curve.toml` of a run of `cost`, or the name of a shipped one.
+    #[arg(long, value_name = "FILE", default_value = "walker", requires = "accuracy")]
+    curve: PathBuf,
     #[command(flatten)]
     run: RunArguments,
+}
+
+/// A number of percent, with its sign or without.
+fn percent(text: &str) -> Result<f64, String> {
+    let number = text.trim().trim_end_matches('%').trim();
+    number.parse().map_err(|_| format!("`{text}` is no number of percent, such as 5 or 5%"))
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -150,7 +164,24 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
         let why = "--two-way needs Hill fibres and the configuration without contact: set `fibres = \"hill\"` and muscles in the scene, and give no --contact with";
         return Err(CommandError::Option(why.into()));
     }
-    carry_out("compare", scene, asked, &arguments.run, two_way, quiet)
+    let Some(wanted) = arguments.accuracy else {
+        return carry_out("compare", scene, asked, &arguments.run, two_way, None, quiet);
+    };
+    if !scene.deformable {
+        return Err(CommandError::Option("--accuracy: the scene has no muscles that deform".into()));
+    }
+    let mut accuracy = Accuracy::choose(wanted, &arguments.curve, asked)?;
+    let data = arguments.run.data.as_deref();
+    loop {
+        if !quiet {
+            eprintln!("{}", accuracy.said());
+        }
+        let chosen = accuracy.scene(&scene, data)?;
+        let outcome = carry_out("compare", chosen, asked, &arguments.run, None, Some(&accuracy), quiet)?;
+        if !accuracy.finer() {
+            return Ok(outcome);
+        }
+    }
 }
 
 /// Name of the stage of two-way coupling.
@@ -172,6 +203,7 @@ pub(super) fn carry_out(
     asked: PerConfiguration<bool>,
     arguments: &RunArguments,
     two_way: Option<(Scheme, usize)>,
+    accuracy: Option<&Accuracy>,
     quiet: bool,
 ) -> Result<Outcome, CommandError> {
     let claim = arguments.out.claim(command, &scene.name)?;
@@ -226,7 +258,14 @@ pub(super) fn carry_out(
             format!("{:.1} mm ({a}, {b})", distance * 1e3),
         ));
     }
-    let notes = notes(&prepared, &comparison);
+    let mut notes = notes(&prepared, &comparison);
+    let mut unsettled = unsettled;
+    if let Some(accuracy) = accuracy {
+        let (note, missed) =
+            accuracy.check(&prepared.scene, &comparison, folder, arguments.data.as_deref())?;
+        notes.push(note);
+        unsettled.extend(missed);
+    }
     let (simulated, left_out) = prepared.scene.effects(&prepared.thigh, asked);
     let seconds = record.seconds.clone();
     let report = CompareReport {

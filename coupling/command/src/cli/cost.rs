@@ -131,6 +131,8 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
     out.write("cost.csv", |w| write_cost(w, &report))?;
     out.write("axes.csv", |w| write_axes(w, &report))?;
     out.write("errors.csv", |w| write_errors(w, &report))?;
+    let curve = toml::to_string(&report.curve()).expect("plain data");
+    out.write("curve.toml", |w| w.write_all(curve.as_bytes()))?;
     let page = cost_page(&report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     let missing = report.missing();
@@ -266,7 +268,7 @@ fn combinations(ladder: &Ladder, endings: &[Option<Ending>]) -> Vec<(String, BTr
         Deviation::of(solved(rung)?.1, solved(reference)?.1).map(|d| d.largest)
     };
     let Some(mesh) = ladder.mesh_axis() else { return Vec::new() };
-    let finest = *mesh.rungs.last().expect("two at least");
+    let finest = mesh.finest();
     let mut found = Vec::new();
     for &rung in mesh.rungs.iter().filter(|&&rung| rung != finest) {
         let Some(error) = deviation(rung, finest) else { continue };
@@ -276,7 +278,7 @@ fn combinations(ladder: &Ladder, endings: &[Option<Ending>]) -> Vec<(String, BTr
             if matches!(axis.owner, Owner::Modelling | Owner::Path) {
                 continue;
             }
-            let reference = *axis.rungs.last().expect("two at least");
+            let reference = axis.finest();
             let good = |&&r: &&usize| deviation(r, reference).is_some_and(|e| e <= SMALL * error);
             let seconds = |r: usize| solved(r).map_or(f64::INFINITY, |(taken, _)| taken.seconds);
             let cheapest =

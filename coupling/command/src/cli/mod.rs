@@ -1,5 +1,6 @@
 //! The command line. Exit codes: 0 solved, 2 bad input, 3 not converged or a verdict failed; nothing else.
 
+mod accuracy;
 mod check;
 mod compare;
 mod cost;

@@ -23,5 +23,5 @@ pub fn run(arguments: &StepArguments, quiet: bool) -> Result<Outcome, CommandErr
     let StepArguments { scene, run } = arguments;
     let scene = read_scene(scene, run.data.as_deref())?;
     let with = scene.contact.is_some();
-    carry_out("step", scene, PerConfiguration { without: !with, with }, run, None, quiet)
+    carry_out("step", scene, PerConfiguration { without: !with, with }, run, None, None, quiet)
 }

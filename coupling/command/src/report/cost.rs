@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use coupling::cost::accuracy::{Errors, errors};
-use coupling::cost::curve::{Point, cheapest, pareto};
+use coupling::cost::curve::{Curve, cheapest, pareto};
 use coupling::cost::ladder::{Ladder, Owner};
 use coupling::cost::rung::{Deviation, Ending, LEAST_FORCE, SECTION_FORCE, Taken};
 use coupling::number::{fixed, significant, with_error};
@@ -86,7 +86,7 @@ impl<'a> CostReport<'a> {
         let of = |axis: &'a coupling::cost::ladder::Axis| {
             let reference = match axis.owner {
                 Owner::Path => 0,
-                _ => *axis.rungs.last().expect("two at least"),
+                _ => axis.finest(),
             };
             AxisRows {
                 name: &axis.name,
@@ -129,21 +129,20 @@ impl<'a> CostReport<'a> {
         notes
     }
 
-    fn points(&self) -> Vec<Point> {
-        let point = |row: &Row| {
-            let (taken, deviation) = (row.taken.as_ref()?, row.deviation?);
-            Some(Point { setting: row.name.to_string(), seconds: taken.seconds, error: deviation.largest })
-        };
-        self.rows().iter().filter_map(point).collect()
+    /// What `compare --accuracy` chooses by.
+    pub fn curve(&self) -> Curve {
+        Curve::of(self.ladder, self.endings)
     }
 
     /// The curve for programs.
     pub fn verdict(&self) -> serde_json::Value {
-        let points = self.points();
-        let curve = pareto(&points).into_iter().map(|k| {
-            serde_json::json!({ "setting": points[k].setting, "seconds": points[k].seconds, "error_percent": 100.0 * points[k].error })
+        let curve = self.curve();
+        let front = pareto(&curve.contact.iter().map(|p| [p.seconds, p.error_percent]).collect::<Vec<_>>());
+        let front = front.into_iter().map(|k| {
+            let p = &curve.contact[k];
+            serde_json::json!({ "setting": p.setting, "seconds": p.seconds, "error_percent": p.error_percent })
         });
-        serde_json::json!({ "reference": self.reference_name(), "rungs": self.ladder.rungs.len(), "curve": curve.collect::<Vec<_>>() })
+        serde_json::json!({ "reference": self.reference_name(), "rungs": self.ladder.rungs.len(), "curve": front.collect::<Vec<_>>() })
     }
 }
 
@@ -153,15 +152,15 @@ pub fn cost_page(report: &CostReport) -> String {
         "<header><p class=\"eyebrow\">What accuracy costs</p><h1>{}</h1></header>\n",
         escape(&report.ladder.name)
     );
-    let points = report.points();
+    let curve = report.curve();
     let answers: Vec<Vec<String>> = WANTED
         .iter()
-        .map(|percent| match cheapest(&points, percent / 100.0) {
+        .map(|percent| match cheapest(&curve.contact, *percent) {
             Some(p) => vec![
                 format!("{percent} %"),
                 p.setting.clone(),
                 fixed(p.seconds, 1),
-                significant(100.0 * p.error, 2),
+                significant(p.error_percent, 2),
             ],
             None => vec![format!("{percent} %"), "no rung reaches it".into(), "–".into(), "–".into()],
         })
@@ -290,6 +289,13 @@ fn sureness(report: &CostReport) -> String {
     table(&header, 2, &rows)
 }
 
+/// A point of a figure.
+struct Dot {
+    name: String,
+    seconds: f64,
+    error: f64,
+}
+
 /// A figure of decades: every rung a point with its name. `ideal`: with the line of a method whose error halves when the time doubles.
 fn scatter(
     title: &str,
@@ -300,18 +306,18 @@ fn scatter(
 ) -> String {
     const SIZE: [f64; 2] = [560.0, 380.0];
     const BOX: [f64; 4] = [52.0, 8.0, 546.0, 340.0]; // left, top, right, bottom
-    let mut points: Vec<Point> = rows
+    let mut points: Vec<Dot> = rows
         .iter()
         .filter_map(|row| {
             let (seconds, value) = (row.taken.as_ref()?.seconds, of(row)?);
-            (seconds > 0.0 && value > 0.0).then(|| Point { setting: row.name.into(), seconds, error: value })
+            (seconds > 0.0 && value > 0.0).then(|| Dot { name: row.name.into(), seconds, error: value })
         })
         .collect();
     points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
     if points.is_empty() {
         return String::new();
     }
-    let decades = |of: fn(&Point) -> f64| {
+    let decades = |of: fn(&Dot) -> f64| {
         let low = points.iter().map(of).fold(f64::INFINITY, f64::min).log10().floor();
         let high = points.iter().map(of).fold(0.0, f64::max).log10().ceil();
         [low, high.max(low + 1.0)]
@@ -386,7 +392,7 @@ fn scatter(
         escape(quantity)
     );
     if ideal {
-        let front = pareto(&points);
+        let front = pareto(&points.iter().map(|p| [p.seconds, p.error]).collect::<Vec<_>>());
         let path: Vec<String> = front
             .iter()
             .map(|&k| format!("{} {}", px(x(points[k].seconds)), px(y(points[k].error))))
@@ -413,11 +419,11 @@ fn scatter(
             "<circle class=\"c2\" cx=\"{}\" cy=\"{}\" r=\"3.2\"><title>{}: {} s, {}</title></circle>",
             px(at),
             px(up),
-            escape(&p.setting),
+            escape(&p.name),
             fixed(p.seconds, 1),
             significant(p.error, 3)
         );
-        let width = 5.6 * p.setting.chars().count() as f64;
+        let width = 5.6 * p.name.chars().count() as f64;
         let to_left = at + 8.0 + width > BOX[2];
         let [from, to] = if to_left { [at - 8.0 - width, at - 8.0] } else { [at + 8.0, at + 8.0 + width] };
         let free = |y: f64, taken: &[[f64; 3]]| {
@@ -433,7 +439,7 @@ fn scatter(
                 "<text class=\"{class}\" x=\"{}\" y=\"{}\">{}</text>",
                 px(if to_left { to } else { from }),
                 px(height),
-                escape(&p.setting.replace('_', " "))
+                escape(&p.name.replace('_', " "))
             );
         }
     }
