@@ -2,6 +2,8 @@
 //!
 //! What is computed is in [`coupling`]; nothing there knows of files that are written or of pages.
 
+#![warn(clippy::print_stderr)]
+
 pub mod cli;
 pub mod error;
 pub mod output;

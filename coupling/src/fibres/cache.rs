@@ -38,11 +38,11 @@ impl Cache {
         match read(&file) {
             Ok(found) => return Ok(found),
             Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-            Err(e) => eprintln!("note: {}: {e}; {what} is computed anew", file.display()),
+            Err(e) => crate::say!("note: {}: {e}; {what} is computed anew", file.display()),
         }
         let found = find()?;
         if let Err(e) = self.write(&file, &found) {
-            eprintln!("note: {what} is not kept for later runs: {}: {e}", file.display());
+            crate::say!("note: {what} is not kept for later runs: {}: {e}", file.display());
         }
         Ok(found)
     }

@@ -3,8 +3,8 @@
 use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
+use super::rung::step;
 use crate::error::CommandError;
 use crate::output::OutputError;
 use coupling::configuration::{Configuration, PerConfiguration};
@@ -150,18 +150,8 @@ impl Accuracy {
         fs::write(&file, &scene.text).map_err(|e| OutputError::at("write", &file, e))?;
         let out = beside.0.with_file_name(format!("{}-run", name_of(&beside.0)));
         let out = Beside(out);
-        let program = std::env::current_exe();
-        let started = program.and_then(|program| {
-            let mut command = Command::new(program);
-            command.arg("--quiet").arg("--threads").arg(rayon::current_num_threads().to_string());
-            command.arg("step").arg(&file).arg("--out").arg(&out.0);
-            if let Some(data) = data {
-                command.arg("--data").arg(data);
-            }
-            command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).output()
-        });
-        let output =
-            started.map_err(|e| CommandError::Option(format!("cannot start the coarser run: {e}")))?;
+        let output = step(&file, &out.0, data, false)
+            .map_err(|e| CommandError::Option(format!("cannot start the coarser run: {e}")))?;
         read_numbers(&out.0.join("quantities.csv")).map_err(|e| {
             let said = String::from_utf8_lossy(&output.stderr);
             CommandError::Option(format!(

@@ -31,7 +31,7 @@ pub fn run(arguments: &CheckArguments) -> Outcome {
             }
             Err(error) => {
                 bad += 1;
-                eprintln!("error: {error}");
+                coupling::say!("error: {error}");
             }
         }
     }

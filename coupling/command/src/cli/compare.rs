@@ -174,7 +174,7 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
     let data = arguments.run.data.as_deref();
     loop {
         if !quiet {
-            eprintln!("{}", accuracy.said());
+            coupling::say!("{}", accuracy.said());
         }
         let chosen = accuracy.scene(&scene, data)?;
         let outcome = carry_out("compare", chosen, asked, &arguments.run, None, Some(&accuracy), quiet)?;

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
 use clap::Args;
 use multibody::error::nearest;
 use sysinfo::System;
 
 use super::progress::Progress;
+use super::rung::step;
 use super::{OutArguments, Outcome, tell};
 use crate::error::CommandError;
 use crate::output::OutputError;
@@ -205,24 +205,8 @@ fn ending(
             "not run: it needs about {needed:.0} MiB, {free:.0} MiB are free"
         )));
     }
-    let program =
-        std::env::current_exe().map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
-    let mut command = Command::new(program);
-    command
-        .arg("--quiet")
-        .arg("--threads")
-        .arg(rayon::current_num_threads().to_string())
-        .arg("step")
-        .arg(&file);
-    command.arg("--out").arg(&folder).arg("--force");
-    if let Some(data) = &arguments.data {
-        command.arg("--data").arg(data);
-    }
-    if arguments.resume {
-        command.arg("--resume");
-    }
-    let output = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).output();
-    let output = output.map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
+    let output = step(&file, &folder, arguments.data.as_deref(), arguments.resume)
+        .map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
     Ok(found(&folder).unwrap_or_else(|| {
         let said = String::from_utf8_lossy(&output.stderr);
         Ending::Failed(match output.status.code() {

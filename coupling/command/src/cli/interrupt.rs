@@ -31,7 +31,7 @@ fn wait(left: &'static Mutex<Option<Left>>) {
         if let Some(signal) = signals.forever().next() {
             let left = left.lock().unwrap_or_else(PoisonError::into_inner).take();
             if let Some(said) = left.and_then(|left| left()) {
-                eprintln!("\n{said}");
+                coupling::say!("\n{said}");
             }
             let _ = signal_hook::low_level::emulate_default_handler(signal);
         }
@@ -45,6 +45,18 @@ fn ignored() -> u64 {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
+
+/// Ends this process when standard input closes: a process that was started by another, and holds a pipe from it, does not outlive it, however
+/// that one ends. Nothing is left but what a kill leaves.
+pub(super) fn end_with_parent() {
+    std::thread::spawn(|| {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        std::process::exit(KILLED);
+    });
+}
+
+/// What a shell says of a process that SIGTERM ended.
+const KILLED: i32 = 128 + 15;
 
 /// Elsewhere the system ends the process; what is left is the same.
 #[cfg(not(unix))]

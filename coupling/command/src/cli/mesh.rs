@@ -234,7 +234,7 @@ fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Input, Comm
     let unit = if arguments.unit == "mm" { LengthUnit::Millimetre } else { LengthUnit::Metre };
     let anatomy = Anatomy::read(folder, &bones, &ends, unit, &Settings::default())?;
     for (muscle, fit) in anatomy.muscles.iter().zip(&anatomy.fits).filter(|(_, fit)| !fit.is_good()) {
-        eprintln!(
+        coupling::say!(
             "warning: {} is not mapped well: 95 % of its loft within {:.2} mm of the surface, {:.0} % of the volume",
             muscle.name,
             fit.p95 * 1e3,
@@ -243,7 +243,7 @@ fn from_surfaces(folder: &Path, arguments: &MeshArguments) -> Result<Input, Comm
     }
     let left_out: Vec<_> = anatomy.left_out.iter().filter_map(|file| file.file_name()?.to_str()).collect();
     if arguments.only.is_empty() && !left_out.is_empty() {
-        eprintln!("note: not meshed, as --ends does not name them: {}", left_out.join(", "));
+        coupling::say!("note: not meshed, as --ends does not name them: {}", left_out.join(", "));
     }
     Ok(Input {
         sections: anatomy.muscles,

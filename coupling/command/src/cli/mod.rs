@@ -9,6 +9,7 @@ mod mesh;
 mod optimize;
 mod plan;
 mod progress;
+mod rung;
 mod scenes;
 mod solve;
 mod step;
@@ -77,7 +78,7 @@ impl OutArguments {
 /// What a person should know of the trial, also where nothing else is said.
 fn tell(doubts: &[String]) {
     for doubt in doubts {
-        eprintln!("note: {doubt}");
+        coupling::say!("note: {doubt}");
     }
 }
 
@@ -90,6 +91,9 @@ struct Arguments {
     /// Threads to use (default: all cores). Results do not depend on it.
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// End when standard input closes: for processes that start this one.
+    #[arg(long, global = true, hide = true)]
+    with_parent: bool,
     /// No progress on standard error; warnings and errors stay.
     #[arg(long, short, global = true)]
     quiet: bool,
@@ -143,6 +147,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         // Fails only where a pool exists already, which nothing before this line makes.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
     }
+    if arguments.with_parent {
+        interrupt::end_with_parent();
+    }
     let quiet = arguments.quiet;
     let result: Result<Outcome, CommandError> = match arguments.command {
         Command::Optimize(arguments) => optimize::run(&arguments, quiet),
@@ -161,7 +168,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Ok(Outcome::BadInput) => 2,
         Ok(Outcome::NotSolved) => 3,
         Err(error) => {
-            eprintln!("error: {error}");
+            coupling::say!("error: {error}");
             error.exit_code()
         }
     }

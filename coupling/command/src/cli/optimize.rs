@@ -262,7 +262,7 @@ impl OptimizeArguments {
 pub(super) fn find_trial(given: &Path) -> Result<PathBuf, CommandError> {
     let found = shipped::find(given, shipped::Kind::Trial)?;
     if let Some(said) = shipped::ambiguity(given, &found) {
-        eprintln!("note: {said}");
+        coupling::say!("note: {said}");
     }
     Ok(found)
 }

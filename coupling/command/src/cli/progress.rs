@@ -96,7 +96,7 @@ impl Progress {
     pub fn lap(&mut self, stage: &str) {
         let took = self.clock.elapsed().as_secs_f64();
         if self.lines {
-            eprintln!("{stage:<18}{took:>8.1} s");
+            coupling::say!("{stage:<18}{took:>8.1} s");
         }
         self.seconds.push((stage.to_string(), took));
         self.clock = Instant::now();

@@ -70,7 +70,7 @@ pub(super) fn scenes() -> String {
 /// The scene that a person names.
 pub(super) fn read_scene(given: &Path, data: Option<&Path>) -> Result<Scene, CommandError> {
     if let Some(said) = shipped::ambiguity(given, &shipped::find(given, Kind::Scene)?) {
-        eprintln!("note: {said}");
+        coupling::say!("note: {said}");
     }
     Ok(Scene::read(given, data)?)
 }

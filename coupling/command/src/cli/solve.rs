@@ -48,8 +48,9 @@ pub fn run(arguments: &SolveArguments, quiet: bool) -> Result<Outcome, CommandEr
         solved += 1;
         if !quiet {
             let (all, iterations) = (scene.drive.frames.len(), frame.count(|i| i.iterations));
-            progress
-                .pause(|| eprintln!("frame {solved} of {all}: {} s, {iterations} iterations", frame.time));
+            progress.pause(|| {
+                coupling::say!("frame {solved} of {all}: {} s, {iterations} iterations", frame.time)
+            });
         }
     })
     .map_err(|error| CommandError::Option(error.to_string()))?;
@@ -62,7 +63,7 @@ pub fn run(arguments: &SolveArguments, quiet: bool) -> Result<Outcome, CommandEr
     progress.lap("write");
     drop(progress);
     for error in &run.errors {
-        eprintln!("not solved: {error}");
+        coupling::say!("not solved: {error}");
     }
     let (solved, asked) = (run.frames.len(), scene.drive.frames.len());
     let mut out = std::io::stdout().lock();

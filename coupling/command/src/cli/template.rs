@@ -112,7 +112,7 @@ pub fn run(arguments: &TemplateArguments) -> Result<Outcome, CommandError> {
             arguments.to.write(&made.text)?;
             let data = made.data.map_or(String::new(), |f| format!(" --data {}", f.display()));
             let file = arguments.to.out.as_ref().map_or("FILE".into(), |f| f.display().to_string());
-            eprintln!(
+            coupling::say!(
                 "{}",
                 match made.open.is_empty() {
                     true => format!("nothing is left to fill in; next: sartorius check {file}{data}"),

@@ -259,7 +259,7 @@ fn locked(path: &Path) -> Result<(File, Option<u64>), OutputError> {
                     holder: holder.map_or(String::new(), |h| format!(" (process {h})")),
                 });
             }
-            Err(TryLockError::Error(e)) => eprintln!(
+            Err(TryLockError::Error(e)) => coupling::say!(
                 "note: {}: this file system has no locks ({e}); start no second run with this folder",
                 path.display()
             ),
