@@ -249,7 +249,7 @@ fn recorded_trials_are_solved_in_every_frame() {
 
 #[test]
 fn the_published_residuals_of_subject_dm_are_met() {
-    // joints.md: 7.3 mm with the hip centre of DM.osim, 8.8 mm with the regression (trial not named; og3 is met to 0.2 mm).
+    // Published: 7.3 mm with the hip centre of DM.osim, 8.8 mm with the regression (trial not named; og3 is met to 0.2 mm).
     let Some(data) = shared("gait") else { return };
     for (rule, published) in [(None, 7.3), (Some(multibody::trial_file::HipRule::Regression), 8.8)] {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials/DM_ngait_og3.toml");

@@ -20,7 +20,7 @@ fn rms(frames: &[FittedFrame], trial: &Trial) -> f64 {
 
 #[test]
 fn knee_path_agrees_with_the_published_test_vectors() {
-    // joints.md: flexion, adduction, internal rotation [deg], x, y, z [mm]; printed to 0.01.
+    // Test vectors that came with the knee model: flexion, adduction, internal rotation [deg], x, y, z [mm]; printed to 0.01.
     let table = [
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         [15.0, -3.38, 10.45, 3.56, -0.98, -0.46],

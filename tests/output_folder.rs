@@ -275,6 +275,43 @@ fn ctrl_c_says_what_is_kept() {
     assert!(record["iterations"]["frames taken over"].as_u64().unwrap() >= 1);
 }
 
+/// Whoever read what it says may be gone; whoever started it, too.
+#[cfg(unix)]
+#[test]
+fn a_run_ends_when_it_is_told_to_though_nobody_listens() {
+    use std::os::unix::process::ExitStatusExt;
+    let at = tempfile::tempdir().unwrap();
+    fs::write(at.path().join("s.toml"), "resolution_mm = 16.0\n").unwrap();
+    let started = |arguments: &[&str]| {
+        let mut command = Command::new(program());
+        command.args(arguments).args(["compare", "s.toml", "--out"]).current_dir(at.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        command
+    };
+    let ended = |mut child: Child| {
+        let patience = Instant::now();
+        while patience.elapsed() < Duration::from_secs(20) {
+            if let Some(status) = child.try_wait().unwrap() {
+                return Some(status);
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        child.kill().unwrap();
+        None
+    };
+    let mut child = started(&[]).arg("deaf").spawn().unwrap();
+    wait_for(&mut child, || at.path().join("deaf/.sartorius").exists());
+    drop(child.stderr.take());
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(ended(child).expect("it goes on for ever").signal(), Some(15));
+    // Started by a process that is killed: its pipe closes.
+    let mut child = started(&["--with-parent"]).arg("orphan").spawn().unwrap();
+    wait_for(&mut child, || at.path().join("orphan/.sartorius").exists());
+    drop(child.stdin.take());
+    assert_eq!(ended(child).expect("it goes on for ever").code(), Some(143));
+    assert!(!at.path().join("orphan/run.json").exists());
+}
+
 #[test]
 fn a_cache_serves_many_runs_at_once() {
     let at = tempfile::tempdir().unwrap();

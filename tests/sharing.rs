@@ -4,9 +4,10 @@
 
 use std::collections::BTreeMap;
 
+use multibody::loads::loads;
 use multibody::model::{Ankle, Model};
 use multibody::motion::track;
-use multibody::share::{SharingSettings, loads, problem};
+use multibody::share::{SharingSettings, problem};
 use multibody::sharing::{
     Capacity, KKT_TOLERANCE, LeverArm, MuscleCost, SharingError, SharingOptions, SharingProblem,
     SharingSolver, reactions, residuals, share_frames,

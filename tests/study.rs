@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use coupling::configuration::PerConfiguration;
 use coupling::fibres::cache::FOLDER;
+use coupling::scene::StepName;
+use coupling::scene::StressFree;
 use coupling::scene::{Fibres, Scene};
-use coupling::steps::StepName;
-use coupling::study::compare::StressFree;
 use coupling::study::estimate::{Expected, Work};
 use coupling::study::explain::explain;
 use coupling::study::{Prepared, Sized};

@@ -7,13 +7,14 @@ use multibody::InputError;
 use multibody::activation::activate;
 use multibody::anatomy::Anatomy;
 use multibody::calibration::{calibrate, functional::Quality};
+use multibody::loads::{Loads, loads};
 use multibody::model::{Ankle, Model};
 use multibody::motion::track;
 use multibody::muscle::hill::{self, HillResult};
 use multibody::read::read_knee_forces;
-use multibody::share::{SharingSettings, loads, share};
+use multibody::share::{SharingSettings, share};
 use multibody::sharing::Capacity;
-use multibody::trial::{Effort, Filters, Loads, Motion, Side, Trial};
+use multibody::trial::{Effort, Filters, Motion, Side, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
 use multibody::walker::{Knee, walker};
 

@@ -12,39 +12,9 @@ use multibody::natural::Coordinates;
 use nalgebra::Vector3;
 
 use crate::optimize::Optimized;
+use crate::scene::StepName;
 use crate::thigh::lines::lines_of_muscles;
 use crate::thigh::registration::Registration;
-
-/// Which instant of the gait cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StepName {
-    /// Heel strike: start of the cycle.
-    HeelStrike,
-    /// Loading response: 12 % of the cycle (`reference_gait.md`, "the two gait steps").
-    LoadingResponse,
-}
-
-impl StepName {
-    /// Both, in the order of time.
-    pub const ALL: [StepName; 2] = [StepName::HeelStrike, StepName::LoadingResponse];
-
-    /// Name as in `comparison.csv`.
-    pub fn name(self) -> &'static str {
-        match self {
-            StepName::HeelStrike => "heel_strike",
-            StepName::LoadingResponse => "loading_response",
-        }
-    }
-
-    /// Fraction of the reported frames.
-    fn fraction(self) -> f64 {
-        match self {
-            StepName::HeelStrike => 0.0,
-            StepName::LoadingResponse => 0.12,
-        }
-    }
-}
 
 /// One muscle line of the rigid leg in a step, in the frame of the mesh with the thigh at rest.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,9 +2,10 @@
 //! 19 contact, ligament, tendon and bone forces; condition 2 bounded by strength. Times are per cycle: divide by 101.
 
 use divan::{Bencher, black_box};
+use multibody::loads::loads;
 use multibody::model::{Ankle, Model};
 use multibody::motion::track;
-use multibody::share::{SharingSettings, loads, names, problem};
+use multibody::share::{SharingSettings, names, problem};
 use multibody::sharing::{
     Capacity, Names, SharingError, SharingOptions, SharingProblem, SharingSolver, share_frames,
 };

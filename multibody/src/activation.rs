@@ -14,7 +14,7 @@ use crate::trial::{Effort, Motion};
 /// Joint coordinates of the generic leg (gait2392) in every reported frame.
 ///
 /// Lengths come from the generic leg at the subject's joint angles, with the fibre and tendon lengths of the generic leg
-/// (`hill.md`, procedure 1). Hip and knee frames of the two models agree within a degree. A foot frame from shoe markers does
+/// (as OpenSim takes them from gait2392). Hip and knee frames of the two models agree within a degree. A foot frame from shoe markers does
 /// not say where the ankle is neutral, so its level is set where the foot is flat (15 to 45 % of the reported
 /// frames): there dorsiflexion is the forward lean of the shank and the subtalar joint is neutral, in the mean.
 pub fn generic_postures(model: &Model, motion: &Motion) -> Vec<GenericPosture> {

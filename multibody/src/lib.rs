@@ -1,7 +1,7 @@
 //! The rigid lower limb: from markers and ground reaction to muscle forces and activations.
 //!
 //! The road: a [`trial::Trial`] is fitted ([`ik`]) to a [`model::Model`] under its joint equations and becomes a
-//! [`trial::Motion`]; [`dynamics`] turns that into [`trial::Loads`]; [`sharing`] turns those into a [`trial::Effort`].
+//! [`trial::Motion`]; [`loads`] turns that into [`loads::Loads`]; [`sharing`] turns those into a [`trial::Effort`].
 //! Everything past the readers is SI, in ground axes X forward, Y up, Z to the right, and a right leg.
 
 pub mod activation;
@@ -15,6 +15,7 @@ pub mod ik;
 pub mod joint;
 pub mod keys;
 pub mod kinematics;
+pub mod loads;
 pub mod model;
 pub mod motion;
 pub mod muscle;

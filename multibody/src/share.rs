@@ -1,18 +1,16 @@
-//! From motion and ground reaction to what the joints carry ([`loads`]) and who carries it ([`share`]).
+//! Who carries what the joints have to: the sharing problem of every frame, and its solution ([`share`]).
 
 #![allow(non_snake_case)]
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
-use crate::dynamics::{GroundLoad, ground_loads, leg_load};
-use crate::equilibrium::{Equilibrium, equilibrium};
+use crate::loads::Loads;
 use crate::model::{Ankle, Model};
 use crate::sharing::{
     Capacity, MuscleCost, Names, ReactionCost, Sharing, SharingError, SharingOptions, SharingProblem,
     muscle_weights, reactions, share_frames,
 };
-use crate::trial::{Effort, Filters, Loads, Motion, Status, Table, Trial, Verdict};
+use crate::trial::{Effort, Motion, Status, Table, Verdict};
 
 /// How forces are shared.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,42 +37,6 @@ impl Default for SharingSettings {
             reserves: None,
             options: SharingOptions::default(),
         }
-    }
-}
-
-/// Loads of the reported frames, reduced to lever arms and required moments.
-pub fn loads(model: &Model, motion: &Motion, trial: &Trial, filters: &Filters) -> Loads {
-    let frames: Vec<usize> = motion.report.clone().collect();
-    let time: Vec<f64> = frames.iter().map(|&k| motion.time[k]).collect();
-    let ground = ground_loads(&trial.ground, &time, filters);
-    let generalised: Vec<_> = frames
-        .iter()
-        .zip(&ground)
-        .map(|(&k, ground)| leg_load(model, &motion.Q[k], &motion.Qdd[k], ground))
-        .collect();
-    let reduced: Vec<Option<Equilibrium>> = frames
-        .par_iter()
-        .zip(&generalised)
-        .map(|(&k, load)| match motion.fit[k].failure {
-            None => equilibrium(model, &motion.Q[k], load),
-            Some(_) => None,
-        })
-        .collect();
-    let columns = model.coordinate_names();
-    let mut moments = DMatrix::from_element(frames.len(), columns.len(), f64::NAN);
-    for (k, frame) in reduced.iter().enumerate() {
-        if let Some(frame) = frame {
-            moments.row_mut(k).copy_from(&frame.moments.transpose());
-        }
-    }
-    Loads {
-        time,
-        generalised,
-        reduced,
-        moments: Table { columns, values: moments },
-        ground_force: ground.iter().map(|g| g.force).collect(),
-        centre_of_pressure: ground.iter().map(GroundLoad::centre_of_pressure).collect(),
-        free_moment: ground.iter().map(GroundLoad::free_moment).collect(),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The data handed from stage to stage: Trial → Motion → Loads → Effort.
+//! The data handed from stage to stage: Trial → Motion → [`Loads`](crate::loads::Loads) → Effort.
 //!
 //! Everything here is SI and written in the ground frame of the model: X forward (direction of
 //! walking), Y up, Z to the right. A left leg has been mirrored to a right one (Z → −Z) before it gets here.
@@ -166,26 +166,6 @@ impl Motion {
         let (sum, count) = fits.fold((0.0, 0usize), |(s, n), f| (s + f.marker_rms.powi(2), n + 1));
         (sum / count.max(1) as f64).sqrt()
     }
-}
-
-/// What the joints have to carry. Rows: reported frames only.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Loads {
-    /// Times of the reported frames \[s\].
-    pub time: Vec<f64>,
-    /// Generalised load G Q̈ − P − R on the 48 leg coordinates.
-    pub generalised: Vec<nalgebra::SVector<f64, 48>>,
-    /// Lever arms, required moments and joint forces per tension; `None` where the frame was not fitted or the joints are
-    /// locked.
-    pub reduced: Vec<Option<crate::equilibrium::Equilibrium>>,
-    /// Moment that the muscles must supply per joint coordinate \[N·m\]; columns named like the coordinate.
-    pub moments: Table,
-    /// Filtered ground force on the foot, in ground \[N\].
-    pub ground_force: Vec<Vector3<f64>>,
-    /// Centre of pressure, in ground \[m\]; zero where there is no contact.
-    pub centre_of_pressure: Vec<Vector3<f64>>,
-    /// Free moment about the centre of pressure, in ground \[N·m\].
-    pub free_moment: Vec<Vector3<f64>>,
 }
 
 /// How one frame of force sharing ended.

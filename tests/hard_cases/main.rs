@@ -1,4 +1,4 @@
-//! The hard cases of the design as one table: a row per case with id, verdict, the number that decided it, seconds.
+//! The hard cases as one table: a row per case with id, verdict, the number that decided it, seconds.
 //!
 //! `cargo test --release -p sartorius-tests --test hard_cases` runs the quick tier,
 //! `cargo test --release -p sartorius-tests --test hard_cases -- --full [ID...]` everything (or the named cases);
@@ -46,7 +46,7 @@ type Outcome = Result<String, String>;
 
 /// One hard case.
 struct Case {
-    /// As in the design, e.g. `E1`.
+    /// Short name, e.g. `E1`.
     id: &'static str,
     /// What is asked.
     title: &'static str,

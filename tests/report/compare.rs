@@ -7,7 +7,7 @@ use base64::Engine;
 use command::report::compare::{CompareReport, compare_page};
 use coupling::configuration::PerConfiguration;
 use coupling::scene::Scene;
-use coupling::steps::StepName;
+use coupling::scene::StepName;
 use coupling::study::{Comparison, Prepared};
 use fem::geometry::Surface;
 use fem::parts::fields;

@@ -5,12 +5,13 @@ use std::f64::consts::TAU;
 use command::report::{MuscleInfo, OptimizeReport};
 use coupling::measured::Overlay;
 use multibody::kinematics::ANGLES;
+use multibody::loads::Loads;
 use multibody::natural::{Coordinates, SegmentId};
 use multibody::read::KneeForces;
 use multibody::sharing::REACTIONS;
 use multibody::trial::{
-    Effort, FitVerdict, GroundReaction, Loads, MarkerTrack, Motion, Sex, Shortfall, Side, Status, Subject,
-    Table, Trial, Verdict,
+    Effort, FitVerdict, GroundReaction, MarkerTrack, Motion, Sex, Shortfall, Side, Status, Subject, Table,
+    Trial, Verdict,
 };
 use nalgebra::{DMatrix, SVector, Vector3};
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use command::report::compare::published;
 use coupling::configuration::Configuration;
-use coupling::steps::StepName;
+use coupling::scene::StepName;
 use serde_json::Value;
 
 type Anything<T> = Result<T, Box<dyn Error>>;

@@ -17,9 +17,9 @@ use crate::fibres::hill_calibration::{Calibrated, Posture, calibrate_hill, with_
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
 use crate::fibres::thermal_calibration::{CalibrationError, FibreCurve, calibrate};
 use crate::number::short;
-use crate::scene::Fibres;
+use crate::scene::{Fibres, StressFree};
 use crate::steps::{RigidStep, rigid_muscles_at, rigid_muscles_standing};
-use crate::study::compare::{CompareError, StressFree, wanted};
+use crate::study::compare::{CompareError, wanted};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
 

@@ -31,7 +31,7 @@ pub const KEYS: &[Key] = &[
     key("accuracy", Section, Optional("the defaults of its keys"), "", "Forces out of balance at which a step counts as solved, norm over all nodes", ""),
     key("accuracy.residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("0.1"), "N", "Without contact", "0.01"),
     key("accuracy.contact_residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("10.0"), "N", "With contact; the last 10 N cost as much time as all before", "1.0"),
-    key("accuracy.strict_steps", Count(1, 1000), Optional("softened contact says where to go, collision detection goes there"), "", "Guarded contact: every step goes in so many parts by collision detection alone; many times slower, to see whether forces depend on the path", "20"),
+    key("accuracy.strict_steps", Count(1, 1000), Optional("softened contact says where to go, collision detection goes there"), "", "Guarded contact: every step goes in so many smaller ones by collision detection alone; many times slower, to see whether forces depend on the path", "20"),
     key("accuracy.check_stability", Flag, Default("false"), "", "Every state is shown to be a minimum of the energy, and left where it is none; `frames_tested_for_stability` in the summary counts them", "true"),
 
     key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),

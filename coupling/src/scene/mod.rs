@@ -23,8 +23,6 @@ use toml::Spanned;
 pub use keys::{KEYS, TomlKind, wanted};
 
 use crate::configuration::PerConfiguration;
-use crate::steps::StepName;
-use crate::study::compare::StressFree;
 use crate::thigh::lines::lines_of_muscles;
 use materials::{Materials, MaterialsEntry};
 
@@ -55,6 +53,48 @@ pub enum Fibres {
     Thermal,
     /// No fibres: passive tissue.
     None,
+}
+
+/// Which instant of the gait cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepName {
+    /// Heel strike: start of the cycle.
+    HeelStrike,
+    /// Loading response: 12 % of the cycle of the reference gait in `gait-data/reference_gait.csv`.
+    LoadingResponse,
+}
+
+impl StepName {
+    /// Both, in the order of time.
+    pub const ALL: [StepName; 2] = [StepName::HeelStrike, StepName::LoadingResponse];
+
+    /// Name as in `comparison.csv`.
+    pub fn name(self) -> &'static str {
+        match self {
+            StepName::HeelStrike => "heel_strike",
+            StepName::LoadingResponse => "loading_response",
+        }
+    }
+
+    /// Fraction of the reported frames.
+    pub fn fraction(self) -> f64 {
+        match self {
+            StepName::HeelStrike => 0.0,
+            StepName::LoadingResponse => 0.12,
+        }
+    }
+}
+
+/// In which posture the mesh is free of stress.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StressFree {
+    /// Standing, as it was meshed: the bones move to the posture of heel strike first.
+    #[default]
+    Standing,
+    /// At heel strike, as in the publication: the mesh is taken as it is for that posture.
+    HeelStrike,
 }
 
 /// One step of a scene.
@@ -90,7 +130,7 @@ pub struct Scene {
     /// Forces out of balance at which a step counts as solved: norm over all nodes \[N\], more where muscles pull
     /// with more than 1000 N.
     pub residuals: PerConfiguration<f64>,
-    /// Parts in which every step with contact goes, by collision detection alone; `None`: softened contact says where to go.
+    /// Smaller steps in which every step with contact goes, by collision detection alone; `None`: softened contact says where to go.
     pub strict_steps: Option<usize>,
     /// Every state is shown to be a minimum of the energy.
     pub check_stability: bool,

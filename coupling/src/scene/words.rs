@@ -3,10 +3,9 @@
 use fem::scene::ContactMode;
 use mesher::part::is_strands;
 
-use super::{Fibres, Scene};
+use super::{Fibres, Scene, StressFree};
 use crate::configuration::PerConfiguration;
 use crate::number::short;
-use crate::study::compare::StressFree;
 use crate::thigh::build::Thigh;
 use crate::thigh::lines::lines_of_muscles;
 

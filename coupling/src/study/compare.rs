@@ -21,21 +21,11 @@ use rayon::prelude::*;
 
 use crate::error::StudyError;
 use crate::fibres::thermal_calibration::CalibrationError;
-use crate::steps::{RigidStep, StepName};
+use crate::scene::{StepName, StressFree};
+use crate::steps::RigidStep;
 use crate::thigh::build::{Thigh, ThighMuscle, segment_of};
 use crate::thigh::registration::BODIES;
 use crate::thigh::section::belly_force;
-
-/// In which posture the mesh is free of stress.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StressFree {
-    /// Standing, as it was meshed: the bones move to the posture of heel strike first.
-    #[default]
-    Standing,
-    /// At heel strike, as in the publication: the mesh is taken as it is for that posture.
-    HeelStrike,
-}
 
 /// Force of one muscle through its belly \[N\], tension positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -292,12 +282,12 @@ fn skins(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<SearchSurface> {
 /// Force of a muscle through its belly.
 fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce {
     let belly = belly_force(plan, frame.snapshot(), muscle);
-    let part = |p| belly.section.along_of(p, belly.tangent.into());
+    let of = |kind| belly.section.along_of(kind, belly.tangent.into());
     MuscleForce {
         total: belly.along(),
-        fibre: part(EffectKind::Fibre),
-        matrix: part(EffectKind::Matrix),
-        shell: part(EffectKind::Membrane),
+        fibre: of(EffectKind::Fibre),
+        matrix: of(EffectKind::Matrix),
+        shell: of(EffectKind::Membrane),
     }
 }
 

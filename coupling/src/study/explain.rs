@@ -50,8 +50,8 @@ pub fn explain(
     let pairs = if touching { pair_forces(plan, at, [0.0; 3]) } else { Vec::new() };
     let one = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
         let belly = belly_force(plan, at, muscle);
-        let part = |p| belly.section.along_of(p, belly.tangent.into());
-        let (total, tissue) = (belly.along(), part(EffectKind::Matrix) + part(EffectKind::Membrane));
+        let of = |kind| belly.section.along_of(kind, belly.tangent.into());
+        let (total, tissue) = (belly.along(), of(EffectKind::Matrix) + of(EffectKind::Membrane));
         let rigid = step.muscle(&muscle.name);
         let force = Vector3::from(belly.section.total.force);
         let deformable = if force.norm() < LEAST_FORCE { belly.tangent } else { force };

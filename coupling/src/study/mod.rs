@@ -326,8 +326,8 @@ impl Prepared {
             let way = drive(&plan, thigh, &comparison.controls, steps, self.scene.stress_free)?;
             let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
             let mut settings = Settings { tolerance, ..SETTINGS };
-            if let Some(parts) = self.scene.strict_steps {
-                (settings.way, settings.first_step) = (Way::Strict, 1.0 / parts as f64);
+            if let Some(steps) = self.scene.strict_steps {
+                (settings.way, settings.first_step) = (Way::Strict, 1.0 / steps as f64);
             }
             if self.scene.check_stability {
                 settings.stability = Stability::Always;

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use super::Comparison;
 use super::compare::Solution;
 use crate::configuration::Configuration;
-use crate::steps::StepName;
+use crate::scene::StepName;
 use crate::thigh::lines::lines_of_muscles;
 
 /// Fraction of the volume of a muscle in which its largest principal stress is below the reported one: the greatest of all is that of a single
@@ -34,7 +34,7 @@ pub enum Kind {
     /// Largest principal stress of a muscle in any cell \[kPa\].
     StressMaximum,
     /// Mean distance at which bodies press, weighted with their forces \[mm\].
-    Gap,
+    Standoff,
     /// Volume that muscles have in common \[cm³\].
     OverlapVolume,
 }
@@ -48,7 +48,7 @@ impl Kind {
         Kind::ContactForce,
         Kind::StressPercentile,
         Kind::StressMaximum,
-        Kind::Gap,
+        Kind::Standoff,
         Kind::OverlapVolume,
     ];
 
@@ -61,7 +61,7 @@ impl Kind {
             Kind::ContactForce => "contact_force_N",
             Kind::StressPercentile => "stress_p95_kPa",
             Kind::StressMaximum => "stress_max_kPa",
-            Kind::Gap => "gap_mm",
+            Kind::Standoff => "standoff_mm",
             Kind::OverlapVolume => "overlap_cm3",
         }
     }
@@ -119,8 +119,8 @@ impl Comparison {
                         push(Kind::StressMaximum, &muscle.name, maximum);
                     }
                 }
-                if let Some(gap) = gap(solution, frame) {
-                    push(Kind::Gap, "all", gap);
+                if let Some(standoff) = standoff(solution, frame) {
+                    push(Kind::Standoff, "all", standoff);
                 }
                 push(Kind::OverlapVolume, "all", solution.overlaps[k] * 1e6);
             }
@@ -167,7 +167,7 @@ fn stresses(plan: &Plan, frame: &Frame, muscle: &str) -> Option<[f64; 2]> {
 }
 
 /// Mean distance at which bodies press \[mm\], weighted with their forces.
-fn gap(solution: &Solution, frame: &Frame) -> Option<f64> {
+fn standoff(solution: &Solution, frame: &Frame) -> Option<f64> {
     solution.plan.contact()?;
     let pressed = pair_forces(&solution.plan, frame.snapshot(), [0.0; 3]);
     let force = |pair: &fem::measure::PairForce| Vector3::from(pair.wrench.force).norm();

@@ -200,11 +200,11 @@ pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists)
             resultant += Vector3::from(wrench.force);
         }
         let belly = belly_force(plan, at, muscle);
-        let part = |p| belly.section.along_of(p, belly.tangent.into());
+        let of = |kind| belly.section.along_of(kind, belly.tangent.into());
         let force = belly.along();
         MuscleAction {
             force,
-            tissue: part(EffectKind::Matrix) + part(EffectKind::Membrane),
+            tissue: of(EffectKind::Matrix) + of(EffectKind::Membrane),
             stretch: thigh.fibre_stretch(i, at.x),
             lever_arms: moments.iter().map(|m| (force >= LEAST_FORCE).then(|| m / force)).collect(),
             moments,

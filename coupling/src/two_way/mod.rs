@@ -341,8 +341,8 @@ impl TwoWay<'_> {
             let lines = self.lines(m);
             let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
             for &i in &lines {
-                let part = model.muscles[i].f_max / strength;
-                capacity.bounds[i] = bounds.map(|bound| part * bound);
+                let fraction = model.muscles[i].f_max / strength;
+                capacity.bounds[i] = bounds.map(|bound| fraction * bound);
                 let arms = of_muscle.lever_arms.into_iter().enumerate();
                 capacity.lever_arms.extend(arms.map(|(coordinate, arm)| LeverArm {
                     coordinate,

@@ -3,7 +3,7 @@
 //! Barriers and collision detection let surfaces that slide past each other move by a fraction of the gap between them per iteration:
 //! a hundredth of the way that a change of posture asks for. Here the barrier of a sample goes on as its parabola below a fraction of
 //! the activation distance, through zero into penetrations, so that Newton's method may step half as far as the thickest body is thick. Where
-//! every gap ends above that share the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
+//! every gap ends above that fraction the equilibrium is that of the guarded mode but for edges. What comes of it is a guess and no
 //! more: it counts only where nothing overlaps in it, and the guarded mode goes on from there.
 //!
 //! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.

@@ -24,7 +24,7 @@ const SCHEDULE: [f64; 3] = [0.8, 0.1, 0.03];
 const MAX_SOFT_ITERATIONS: usize = 40;
 /// Unstable equilibria that are left in one load step.
 const MAX_KICKS: usize = 3;
-/// Attempts to carry the load over within one load step.
+/// Predictions that are tried within one load step.
 const MAX_PREDICTIONS: usize = 16;
 
 /// Whether no element is inverted at `x`, and none flatter than `least` where that is a bound.
@@ -208,7 +208,7 @@ impl Run<'_> {
         outcome
     }
 
-    /// Moves the load from `t` to `until` in pieces no longer than `piece` and lets the potential carry the free nodes along through whatever
+    /// Moves the load from `t` to `until` in pieces no longer than `piece` and lets the predictor move the free nodes along through whatever
     /// they touch, to equilibrium with softened contact, and some way towards it where cells would fold before. Where that fails `x` and
     /// the load are left anywhere.
     fn go_softly(
@@ -361,7 +361,7 @@ impl Run<'_> {
         Err(self.failure(potential, x, Reason::Inversion, MAX_PREDICTIONS, &g))
     }
 
-    /// Moves the load towards `target` and lets the potential carry the free nodes along, piece by piece, as far as nothing folds or
+    /// Moves the load towards `target` and lets the predictor move the free nodes along, piece by piece, as far as nothing folds or
     /// touches; returns the load reached. `None`: it has no guess, or its first piece fails already.
     fn predict_kinematic(
         &self,

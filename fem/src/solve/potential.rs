@@ -36,7 +36,7 @@ pub trait Potential: Send + Sync {
 
     /// K = ∂²Π/∂x² \[N/m\]; overwrites `k`, which has this potential's pattern. Needs finite energy.
     ///
-    /// `convexity` 0..=1: every term's own Hessian loses that share of its negative curvatures; with 1 the sum is positive
+    /// `convexity` 0..=1: every term's own Hessian loses that fraction of its negative curvatures; with 1 the sum is positive
     /// semi-definite.
     fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix);
 
@@ -101,7 +101,7 @@ pub trait Loading: Potential + Admissible {
         true
     }
 
-    /// In how many pieces [`carry`](Loading::carry) should go from the present load to that at `t`; 0: it has no better guess
+    /// In how many pieces [`predict`](Loading::predict) should go from the present load to that at `t`; 0: it has no better guess
     /// than to leave the free nodes where they are.
     fn n_pieces(&self, _t: f64) -> usize {
         0

@@ -68,7 +68,7 @@ impl TrialFile {
     pub fn leg(&self, side: Side) -> TrialFile {
         let mut file = self.clone();
         let Some(left) = file.left.take() else { return file };
-        file.part = Some(side);
+        file.leg = Some(side);
         if side == self.subject.side {
             return file;
         }

@@ -78,7 +78,7 @@ pub struct TrialFile {
     pub left: Option<LeftEntry>,
     /// Which leg of a file of both this is: its lines are named in errors.
     #[serde(skip)]
-    part: Option<Side>,
+    leg: Option<Side>,
 }
 
 /// `[[recording]]`: what is absent is as for `motion`.
@@ -475,7 +475,7 @@ impl TrialFile {
                 found.push((side, line + 1));
             }
         }
-        let own = found.iter().find(|(side, _)| self.part.is_none_or(|part| part == *side));
+        let own = found.iter().find(|(side, _)| self.leg.is_none_or(|leg| leg == *side));
         own.or(found.first()).map_or(1, |(_, line)| *line)
     }
 }

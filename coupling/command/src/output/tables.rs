@@ -5,7 +5,8 @@
 
 use std::io::{self, Write};
 
-use multibody::trial::{Effort, Loads, Motion, Status, Table};
+use multibody::loads::Loads;
+use multibody::trial::{Effort, Motion, Status, Table};
 
 use coupling::measured::Overlay;
 

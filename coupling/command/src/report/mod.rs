@@ -21,7 +21,8 @@ pub mod problems;
 pub mod reserves;
 pub mod svg;
 
-use multibody::trial::{Effort, Loads, Motion, Status, Trial};
+use multibody::loads::Loads;
+use multibody::trial::{Effort, Motion, Status, Trial};
 use serde::Serialize;
 
 use crate::output::tables::Series;

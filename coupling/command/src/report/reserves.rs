@@ -2,7 +2,8 @@
 
 #![allow(non_snake_case)]
 
-use multibody::trial::{Effort, Loads};
+use multibody::loads::Loads;
+use multibody::trial::Effort;
 use serde::Serialize;
 
 use super::greatest;

@@ -143,8 +143,8 @@ pub(super) fn candidates(
     let [first, second] = tips(&graph);
     let [to_first, to_second] = [first, second].map(|tip| graph.distances(&[tip]));
     let lean = |set: &[bool]| {
-        let part = |p: usize| (to_second[p] - to_first[p]) / (to_second[p] + to_first[p]);
-        let (sum, count) = (0..n).filter(|&p| set[p]).fold((0.0, 0), |(s, c), p| (s + part(p), c + 1));
+        let fraction = |p: usize| (to_second[p] - to_first[p]) / (to_second[p] + to_first[p]);
+        let (sum, count) = (0..n).filter(|&p| set[p]).fold((0.0, 0), |(s, c), p| (s + fraction(p), c + 1));
         sum / f64::max(count as f64, 1.0)
     };
     let mut preference = lean(&contact[0]) - lean(&contact[1]);

@@ -20,7 +20,8 @@ use super::page::{document_with, label_table, section};
 pub use published::published;
 
 use coupling::configuration::{Configuration, PerConfiguration};
-use coupling::steps::{RigidMuscle, StepName};
+use coupling::scene::StepName;
+use coupling::steps::RigidMuscle;
 use coupling::study::Comparison;
 use coupling::study::compare::{MuscleForce, wanted};
 use coupling::two_way::Pass;

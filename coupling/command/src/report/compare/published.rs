@@ -2,7 +2,7 @@
 //! muscle interactions" (2016), summary of |FE − rigid| in N over the muscles that carry force in its rigid model.
 
 use coupling::configuration::Configuration::{self, WithContact, WithoutContact};
-use coupling::steps::StepName;
+use coupling::scene::StepName;
 
 /// Mean and largest difference \[N\] of the publication at a step, without or with contact.
 pub fn published(step: StepName, configuration: Configuration) -> [f64; 2] {
