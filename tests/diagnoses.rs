@@ -220,6 +220,26 @@ fn cells_inverted_at_corners_are_named() {
 }
 
 #[test]
+fn a_force_that_a_support_takes_is_told() {
+    let (mut scene, mesh) = cube();
+    let held_there = mesh.node_sets[&scene.prescribed[0].nodes][0];
+    let force = ForceSpec {
+        name: "pull".to_string(),
+        loads: vec![(held_there, [1.0; 3]), (13, [1.0; 3])],
+        control: "f".to_string(),
+    };
+    scene.forces.push(force);
+    let plan = Plan::new(&scene, mesh.clone()).expect("it can be computed");
+    let [warning] = &plan.warnings[..] else { panic!("{:?}", plan.warnings) };
+    assert!(
+        matches!(warning, fem::plan::Warning::HeldForce { node, count: 1, .. } if *node == held_there),
+        "{warning}"
+    );
+    scene.forces[0].loads.remove(0);
+    assert!(Plan::new(&scene, mesh).expect("good").warnings.is_empty());
+}
+
+#[test]
 fn a_mesh_in_mm_read_as_m_is_told_from_a_body() {
     let (scene, mesh) = cube();
     let scaled = |by: f64, unit: fem::mesh::LengthUnit| {

@@ -91,7 +91,12 @@ fn malformed(file: &Path, at: Place, problem: String, remedy: &str) -> InputErro
 fn parse(text: &str, file: &Path) -> Result<Scene, InputError> {
     let scene: Scene = toml::from_str(text).map_err(|error| {
         let line = error.span().map_or(1, |s| line_of(text, s.start));
-        malformed(file, Place::Line(line), error.message().replace('\n', ", "), "docs/solve.md has every key")
+        malformed(
+            file,
+            Place::Line(line),
+            error.message().replace('\n', ", "),
+            "docs/solve.md has the sections and their keys",
+        )
     })?;
     let mut mistakes = scene.solver.settings().mistakes();
     for (key, given, like) in [("mesh", &scene.mesh, "block.inp"), ("drive", &scene.drive, "drive.csv")] {
@@ -112,7 +117,12 @@ fn parse(text: &str, file: &Path) -> Result<Scene, InputError> {
     }
     match mistakes.is_empty() {
         true => Ok(scene),
-        false => Err(malformed(file, Place::Whole, mistakes.join("; "), "docs/solve.md has every key")),
+        false => Err(malformed(
+            file,
+            Place::Whole,
+            mistakes.join("; "),
+            "docs/solve.md has the sections and their keys",
+        )),
     }
 }
 

@@ -384,13 +384,13 @@ pub struct PatchPressureSpec {
     pub control: String,
 }
 
-/// Dead forces on the nodes of a set.
+/// Dead forces on nodes.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForceSpec {
     /// Name, as reported.
     pub name: String,
-    /// Nodes and forces \[N\] at unit value of the control.
+    /// Nodes, counted from 0 in the order of the mesh file, and forces \[N\] at unit value of the control.
     pub loads: Vec<(u32, [f64; 3])>,
     /// Control that scales them.
     pub control: String,

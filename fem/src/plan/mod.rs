@@ -122,6 +122,7 @@ impl Plan {
         let Names { controls, bodies } = names;
         let absent = absent(scene);
         let strands = scene.strands.iter().map(|s| s.region.clone()).collect();
+        warnings.extend(warning::of_forces(scene, &motion));
         warnings.extend(contact.iter().flat_map(|c| &c.surfaces).filter_map(warning::of_surface));
         warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         Ok(Plan {

@@ -3,7 +3,8 @@
 use super::contact::ContactSurface;
 use crate::mesh::quality::corner_dets;
 use crate::mesh::{LengthUnit, Mesh};
-use crate::scene::Scene;
+use crate::plan::Motion;
+use crate::scene::{ForceSpec, Scene};
 
 /// Something that can be computed on and is probably a mistake, or that the answer depends on.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +35,15 @@ pub enum Warning {
         n_edges: usize,
         /// Nodes of one of them.
         nodes: [u32; 2],
+    },
+    /// A force on a node that is held or moved in its direction: the support takes it, and nothing deforms.
+    HeldForce {
+        /// The force.
+        name: String,
+        /// The node.
+        node: u32,
+        /// How many of its nodes are so.
+        count: usize,
     },
 }
 
@@ -72,6 +82,11 @@ impl std::fmt::Display for Warning {
                 "contact surface `{surface}` is open, with {n_edges} edges on its rim, one between nodes {a} and {b}: what lies behind its \
                  faces counts as inside, what lies beside its rim does not; close it where something can come round the rim"
             ),
+            Warning::HeldForce { name, node, count } => write!(
+                f,
+                "force `{name}` acts on {count} nodes that are held or moved there, node {node} first: their supports take it, and nothing \
+                 deforms; nodes are counted from 0 in the order of the mesh file, whatever numbers that gives them"
+            ),
         }
     }
 }
@@ -100,6 +115,20 @@ pub fn of_mesh(scene: &Scene, mesh: &Mesh) -> Vec<Warning> {
         warnings.push(Warning::Small { extent });
     }
     warnings
+}
+
+/// Warnings about forces on what is prescribed.
+pub fn of_forces(scene: &Scene, motion: &[[Motion; 3]]) -> Vec<Warning> {
+    let held = |(node, force): &&(u32, [f64; 3])| {
+        let motion = motion.get(*node as usize);
+        motion.is_some_and(|m| (0..3).any(|c| force[c] != 0.0 && !m[c].is_unknown()))
+    };
+    let of = |force: &ForceSpec| {
+        let mut nodes = force.loads.iter().filter(held);
+        let (node, _) = nodes.next()?;
+        Some(Warning::HeldForce { name: force.name.clone(), node: *node, count: 1 + nodes.count() })
+    };
+    scene.forces.iter().filter_map(of).collect()
 }
 
 /// A warning about a contact surface that is open.

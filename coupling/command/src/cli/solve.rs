@@ -18,7 +18,7 @@ use coupling::solve::OwnScene;
 
 #[derive(Args)]
 pub struct SolveArguments {
-    /// Scene file (TOML) that names a mesh (.inp, .msh, .vtu) and a table that drives it (CSV); docs/solve.md has every key.
+    /// Scene file (TOML) that names a mesh (.inp, .msh, .vtu) and a table that drives it (CSV); docs/solve.md has the sections and their keys.
     scene: PathBuf,
     #[command(flatten)]
     out: OutArguments,

@@ -254,7 +254,7 @@ pub(super) fn explanations(report: &CompareReport) -> String {
     ];
     section(
         "What lies behind the differences",
-        "For muscles farther than 20 N from the rigid leg: the parts of the section force; what no activation makes, and what the rigid lines would have of it at their length, which force sharing does not know; fibre length beside that of the rigid leg; the angle between the two lines of action; what all others press on the muscle.",
+        "For muscles farther than 20 N from the rigid leg: the parts of the section force; what no activation makes, and what the rigid lines would have of it at their length, which force sharing does not know; fibre length beside that of the rigid leg; the angle between the two lines of action; what all others press on the muscle. What a difference means, and how sure it is, stands in docs/concepts.md; `sartorius cost` says how sure every force of a scene is.",
         &table(&header, 3, &rows),
     )
 }
