@@ -20,7 +20,7 @@ use crate::output::claim::RUN_FILE;
 use crate::output::cost::{write_axes, write_cost, write_errors};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
-use crate::report::cost::{CostReport, cost_page};
+use crate::report::cost::{CostReport, cost_page, cost_picture};
 use coupling::configuration::PerConfiguration;
 use coupling::cost::ladder::{Ladder, Owner};
 use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
@@ -133,6 +133,7 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
     out.write("errors.csv", |w| write_errors(w, &report))?;
     let curve = toml::to_string(&report.curve()).expect("plain data");
     out.write("curve.toml", |w| w.write_all(curve.as_bytes()))?;
+    out.write("cost.svg", |w| w.write_all(cost_picture(&report).as_bytes()))?;
     let page = cost_page(&report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     let missing = report.missing();

@@ -171,13 +171,7 @@ pub fn cost_page(report: &CostReport) -> String {
     );
     body += &section("Cheapest setting", &lead, &table(&["wanted", "setting", "s", "error, %"], 2, &answers));
     let figures = [
-        scatter(
-            "Error against seconds",
-            "error, %",
-            &report.rows(),
-            |row| row.deviation.map(|d| 100.0 * d.largest),
-            true,
-        ),
+        curve_figure(report),
         scatter("Memory against seconds", "MiB", &report.rows(), |row| row.taken.as_ref()?.peak_mib, false),
     ];
     let lead = "Every rung a point; the line joins those that nothing cheaper is as accurate as. Dashed: a method whose error halves when the time doubles.";
@@ -200,6 +194,36 @@ pub fn cost_page(report: &CostReport) -> String {
         body += &section("Notes", "", &super::page::list(notes.iter().map(|n| escape(n))));
     }
     document(&format!("What accuracy costs: {}", report.ladder.name), &body)
+}
+
+/// The curve as a picture of its own (SVG), for other pages and for print.
+pub fn cost_picture(report: &CostReport) -> String {
+    let figure = curve_figure(report);
+    let from = figure.find("<svg").unwrap_or(0);
+    let to = figure.find("</figure>").unwrap_or(figure.len());
+    let opened = figure[from..to].replacen(
+        "<svg ",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"840\" height=\"570\" ",
+        1,
+    );
+    let style = "<style>text{font:11px sans-serif;fill:#5c6670}.mid{text-anchor:middle}.end{text-anchor:end}.minor{font-size:9.5px}.axis{stroke:#5c6670;fill:none}\
+                 .gridline{stroke:#e9ecef;fill:none}.bound{stroke:#1b1f24;stroke-dasharray:5 3;stroke-opacity:.65;fill:none}.line{fill:none;stroke-width:1.9}\
+                 .c1{stroke:#0072b2}.c2{stroke:#d55e00;fill:#d55e00}path.c1{fill:none}</style>\
+                 <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
+    match opened.find('>') {
+        Some(end) => format!("{}{style}{}\n", &opened[..=end], &opened[end + 1..]),
+        None => opened,
+    }
+}
+
+fn curve_figure(report: &CostReport) -> String {
+    scatter(
+        "Error against seconds",
+        "error, %",
+        &report.rows(),
+        |row| row.deviation.map(|d| 100.0 * d.largest),
+        true,
+    )
 }
 
 fn rungs(report: &CostReport) -> String {
@@ -317,10 +341,17 @@ fn scatter(
     if points.is_empty() {
         return String::new();
     }
+    // From a 1, 2 or 5 below the least value to one above the greatest.
     let decades = |of: fn(&Dot) -> f64| {
-        let low = points.iter().map(of).fold(f64::INFINITY, f64::min).log10().floor();
-        let high = points.iter().map(of).fold(0.0, f64::max).log10().ceil();
-        [low, high.max(low + 1.0)]
+        let round = |v: f64, up: bool| {
+            let decade = v.log10().floor();
+            let steps = [1.0, 2.0, 5.0, 10.0].map(|k| k * 10f64.powf(decade));
+            let found = if up { steps.iter().find(|s| **s >= v) } else { steps.iter().rfind(|s| **s <= v) };
+            found.copied().unwrap_or(v).log10()
+        };
+        let low = round(points.iter().map(of).fold(f64::INFINITY, f64::min), false);
+        let high = round(points.iter().map(of).fold(0.0, f64::max), true);
+        [low, high.max(low + 0.5)]
     };
     let (across, up) = (decades(|p| p.seconds), decades(|p| p.error));
     let x = |v: f64| BOX[0] + (v.log10() - across[0]) / (across[1] - across[0]) * (BOX[2] - BOX[0]);
@@ -333,13 +364,12 @@ fn scatter(
         escape(title)
     );
     for (range, is_across) in [(across, true), (up, false)] {
-        for decade in range[0] as i32..=range[1] as i32 {
+        for decade in range[0].floor() as i32..=range[1].ceil() as i32 {
             for k in 1..10 {
                 let v = f64::from(k) * 10f64.powi(decade);
-                if v > 10f64.powf(range[1]) * 1.001 {
-                    break;
+                if v > 10f64.powf(range[1]) * 1.001 || v < 10f64.powf(range[0]) * 0.999 {
+                    continue;
                 }
-                let class = if k == 1 { "axis" } else { "gridline" };
                 let _ = match is_across {
                     true => write!(
                         svg,
@@ -356,12 +386,12 @@ fn scatter(
                         px(BOX[2])
                     ),
                 };
-                if k == 1 || (k != 4 && k < 6 && range[1] - range[0] < 2.5 && k != 3) {
+                if matches!(k, 1 | 2 | 5) {
                     let text = coupling::number::short(v);
                     let _ = match is_across {
                         true => write!(
                             svg,
-                            "<path class=\"{class}\" d=\"M{} {}v4\"/><text class=\"mid\" x=\"{}\" y=\"{}\">{text}</text>",
+                            "<path class=\"axis\" d=\"M{} {}v4\"/><text class=\"mid\" x=\"{}\" y=\"{}\">{text}</text>",
                             px(x(v)),
                             px(BOX[3]),
                             px(x(v)),
@@ -411,7 +441,12 @@ fn scatter(
             px(y(middle / to))
         );
     }
-    let mut taken: Vec<[f64; 3]> = Vec::new(); // left, right and height of the labels that are there
+    // What is there: left, right, top and bottom of points and names.
+    let mut taken: Vec<[f64; 4]> = points
+        .iter()
+        .map(|p| (x(p.seconds), y(p.error)))
+        .map(|(at, up)| [at - 4.0, at + 4.0, up - 4.0, up + 4.0])
+        .collect();
     for p in &points {
         let (at, up) = (x(p.seconds), y(p.error));
         let _ = write!(
@@ -423,22 +458,26 @@ fn scatter(
             fixed(p.seconds, 1),
             significant(p.error, 3)
         );
-        let width = 5.6 * p.name.chars().count() as f64;
-        let to_left = at + 8.0 + width > BOX[2];
-        let [from, to] = if to_left { [at - 8.0 - width, at - 8.0] } else { [at + 8.0, at + 8.0 + width] };
-        let free = |y: f64, taken: &[[f64; 3]]| {
-            taken.iter().all(|t| to < t[0] || from > t[1] || (y - t[2]).abs() > 10.5)
-        };
-        // Nearest free height, a point without one keeps its name as a tooltip.
-        let height = [0.0, -11.0, 11.0, -22.0, 22.0].iter().map(|d| up + d + 3.5).find(|y| free(*y, &taken));
-        if let Some(height) = height {
-            taken.push([from, to, height]);
+        let width = 5.0 * p.name.chars().count() as f64;
+        // The nearest free place on either side; a point without one keeps its name as a tooltip.
+        let places = [0.0, -9.0, 9.0, -18.0, 18.0].into_iter().flat_map(|d| [(false, d), (true, d)]);
+        let place = places
+            .map(|(to_left, d)| {
+                let from = if to_left { at - 7.0 - width } else { at + 7.0 };
+                (to_left, [from, from + width, up + d - 5.0, up + d + 5.0])
+            })
+            .find(|(_, [from, to, top, bottom])| {
+                let inside = *from >= BOX[0] && *to <= BOX[2] && *top >= BOX[1] - 5.0 && *bottom <= BOX[3];
+                inside && taken.iter().all(|t| *to < t[0] || *from > t[1] || *bottom < t[2] || *top > t[3])
+            });
+        if let Some((to_left, name)) = place {
+            taken.push(name);
             let class = if to_left { "end minor" } else { "minor" };
             let _ = write!(
                 svg,
                 "<text class=\"{class}\" x=\"{}\" y=\"{}\">{}</text>",
-                px(if to_left { to } else { from }),
-                px(height),
+                px(if to_left { name[1] } else { name[0] }),
+                px(name[2] + 8.5),
                 escape(&p.name.replace('_', " "))
             );
         }
