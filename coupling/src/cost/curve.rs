@@ -11,7 +11,7 @@ use multibody::shipped::{self, Kind};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-use super::ladder::{Axis, Ladder, Owner};
+use super::ladder::{Axis, Ladder};
 use super::rung::{Deviation, Ending};
 
 /// Key of a scene that says whether bodies take notice of each other.
@@ -83,31 +83,31 @@ impl Curve {
 }
 
 impl Curve {
-    /// Of a ladder and what came of its rungs: settings that change how exactly the scene is computed, not what is in it.
-    pub fn of(ladder: &Ladder, endings: &[Option<Ending>]) -> Curve {
+    /// Of a ladder and what came of its rungs: settings that change how exactly the scene is computed, not what is in it. `reference`: the rung that those
+    /// with contact are measured against; those without are against their finest mesh.
+    pub fn of(ladder: &Ladder, endings: &[Option<Ending>], reference: usize) -> Curve {
         let mut curve = Curve { scene: ladder.rungs[0].scene.name.clone(), ..Curve::default() };
         let alone = |axis: &Axis| {
             axis.with.len() == 1 && axis.with.get(CONTACT).and_then(Value::as_str) == Some("none")
         };
         let mesh = |of: &dyn Fn(&Axis) -> bool| ladder.axes.iter().find(|axis| axis.is_mesh() && of(axis));
         if let Some(axis) = mesh(&|axis| axis.with.is_empty()) {
-            curve.reference = ladder.rungs[axis.finest()].name.clone();
-            curve.contact = points(ladder, endings, axis);
+            curve.reference = ladder.rungs[reference].name.clone();
+            curve.contact = points(ladder, endings, axis, reference);
         }
         if let Some(axis) = mesh(&alone) {
-            curve.no_contact = points(ladder, endings, axis);
+            curve.no_contact = points(ladder, endings, axis, axis.finest());
         }
         curve
     }
 }
 
-/// Settings beside the rungs of an axis of meshes.
-fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis) -> Vec<Point> {
+/// Settings beside the rungs of an axis of meshes, against a reference.
+fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis, reference: usize) -> Vec<Point> {
     let solved = |rung: usize| endings.get(rung).and_then(|e| e.as_ref()).and_then(Ending::solved);
     let difference =
         |a: usize, b: usize| Deviation::of(solved(a)?.1, solved(b)?.1).map(|d| 100.0 * d.largest);
-    let exact =
-        |axis: &&Axis| !matches!(axis.owner, Owner::Modelling | Owner::Path) && axis.with == mesh.with;
+    let exact = |axis: &&Axis| axis.owner.is_numerical() && axis.with == mesh.with;
     let numerical: BTreeSet<&str> = ladder.axes.iter().filter(exact).map(|axis| axis.key.as_str()).collect();
     let belongs = |rung: &&usize| {
         let differs = &ladder.rungs[**rung].differs;
@@ -125,7 +125,7 @@ fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis) -> Vec<Point
             Some(Point {
                 setting: ladder.rungs[rung].name.clone(),
                 seconds: solved(rung)?.0.seconds,
-                error_percent: difference(rung, mesh.finest())?,
+                error_percent: difference(rung, reference)?,
                 keys: ladder.rungs[rung].differs.clone(),
                 coarser: coarser.and_then(|&r| {
                     Some(Coarser {

@@ -42,6 +42,13 @@ pub enum Owner {
     Modelling,
 }
 
+impl Owner {
+    /// Whether it is an error of computing the scene, not of what is in it, nor of where its way leads.
+    pub fn is_numerical(self) -> bool {
+        !matches!(self, Owner::Modelling | Owner::Path)
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LadderFile {
@@ -155,6 +162,12 @@ impl Ladder {
     /// The first axis along which elements become smaller and nothing else differs from the base.
     pub fn mesh_axis(&self) -> Option<&Axis> {
         self.axes.iter().find(|axis| axis.with.is_empty() && axis.is_mesh())
+    }
+
+    /// Keys of the finest setting: the last value of every axis of the base that says how exactly the scene is computed.
+    pub fn finest(&self) -> BTreeMap<String, Value> {
+        let exact = self.axes.iter().filter(|axis| axis.with.is_empty() && axis.owner.is_numerical());
+        exact.flat_map(|axis| self.rungs[axis.finest()].differs.clone()).collect()
     }
 
     /// Leaves out the other axes, and rungs that are on none that is left.

@@ -22,7 +22,7 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::cost::{CostReport, cost_page, cost_picture};
 use coupling::configuration::PerConfiguration;
-use coupling::cost::ladder::{Ladder, Owner};
+use coupling::cost::ladder::Ladder;
 use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
 use coupling::fibres::cache::content_hash;
 use coupling::number::plain;
@@ -54,6 +54,8 @@ pub struct CostArguments {
     json: bool,
 }
 
+/// Name of the rung that all others are measured against.
+const FINEST: &str = "finest";
 /// Folder of the rungs.
 const RUNGS: &str = "rungs";
 /// A setting on another axis is good enough for a mesh where its own error is at most this fraction of the mesh's: both together are then off by a third
@@ -116,9 +118,11 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
         endings.push(Some(ending(&mut out, &rung.name, known, arguments)?));
         progress.lap(&rung.name);
     }
-    for (name, differs) in combinations(&ladder, &endings) {
+    let reference = ladder.add(FINEST, ladder.finest(), data)?;
+    let finest = [(FINEST.to_string(), ladder.finest())];
+    for (name, differs) in finest.into_iter().chain(combinations(&ladder, &endings)) {
         let at = ladder.add(&name, differs, data)?;
-        if at == endings.len() {
+        if at >= endings.len() {
             let (known, _) = Before::of(&ladder, at, data)?;
             endings.push(Some(ending(&mut out, &name, &known, arguments)?));
             progress.lap(&name);
@@ -127,7 +131,7 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
     record.seconds = progress.seconds().to_vec();
     drop(progress);
 
-    let report = CostReport::new(&ladder, &endings);
+    let report = CostReport::new(&ladder, &endings, reference);
     out.write("cost.csv", |w| write_cost(w, &report))?;
     out.write("axes.csv", |w| write_axes(w, &report))?;
     out.write("errors.csv", |w| write_errors(w, &report))?;
@@ -259,10 +263,9 @@ fn combinations(ladder: &Ladder, endings: &[Option<Ending>]) -> Vec<(String, BTr
         let Some(error) = deviation(rung, finest) else { continue };
         let mut differs = ladder.rungs[rung].differs.clone();
         let mut words = Vec::new();
-        for axis in ladder.axes.iter().filter(|a| a.with.is_empty() && a.key != mesh.key) {
-            if matches!(axis.owner, Owner::Modelling | Owner::Path) {
-                continue;
-            }
+        for axis in
+            ladder.axes.iter().filter(|a| a.with.is_empty() && a.owner.is_numerical() && a.key != mesh.key)
+        {
             let reference = axis.finest();
             let good = |&&r: &&usize| deviation(r, reference).is_some_and(|e| e <= SMALL * error);
             let seconds = |r: usize| solved(r).map_or(f64::INFINITY, |(taken, _)| taken.seconds);

@@ -51,10 +51,9 @@ pub struct AxisRows<'a> {
 }
 
 impl<'a> CostReport<'a> {
-    /// Of a ladder and what came of its rungs.
-    pub fn new(ladder: &'a Ladder, endings: &'a [Option<Ending>]) -> CostReport<'a> {
-        let finest = ladder.mesh_axis().and_then(|axis| axis.rungs.last()).copied();
-        CostReport { ladder, endings, reference: finest.unwrap_or(0), errors: errors(ladder, endings) }
+    /// Of a ladder and what came of its rungs. `reference`: the one that all others are measured against.
+    pub fn new(ladder: &'a Ladder, endings: &'a [Option<Ending>], reference: usize) -> CostReport<'a> {
+        CostReport { ladder, endings, reference, errors: errors(ladder, endings) }
     }
 
     /// Name of the rung that all others are measured against.
@@ -131,7 +130,7 @@ impl<'a> CostReport<'a> {
 
     /// What `compare --accuracy` chooses by.
     pub fn curve(&self) -> Curve {
-        Curve::of(self.ladder, self.endings)
+        Curve::of(self.ladder, self.endings, self.reference)
     }
 
     /// The curve for programs.
