@@ -49,9 +49,13 @@ pub fn short(value: f64) -> String {
 /// far as these. Without an error six digits.
 pub fn with_error(value: f64, error: Option<f64>) -> String {
     let Some(error) = error.filter(|e| e.is_finite() && *e > 0.0) else { return significant(value, 6) };
-    let exponent = error.log10().floor();
-    let digits = if error / 10f64.powf(exponent) < 1.95 { 2.0 } else { 1.0 };
-    let last = exponent - digits + 1.0;
+    let rounded = |digits: usize| -> (f64, f64) {
+        let text = format!("{error:.digits$e}");
+        let (mantissa, exponent) = text.split_once('e').expect("printed with an exponent");
+        (mantissa.parse().expect("printed"), exponent.parse().expect("printed"))
+    };
+    let (mantissa, exponent) = rounded(1);
+    let last = if mantissa < 1.95 { exponent - 1.0 } else { rounded(0).1 };
     let step = 10f64.powf(last.max(0.0));
     let shown = |v: f64| fixed((v / step).round() * step, (-last).clamp(0.0, 12.0) as usize);
     let shown = if last < 0.0 {
