@@ -86,7 +86,7 @@ impl Curve {
     /// Of a ladder and what came of its rungs: settings that change how exactly the scene is computed, not what is in it. `reference`: the rung that those
     /// with contact are measured against; those without are against their finest mesh.
     pub fn of(ladder: &Ladder, endings: &[Option<Ending>], reference: usize) -> Curve {
-        let mut curve = Curve { scene: ladder.rungs[0].scene.name.clone(), ..Curve::default() };
+        let mut curve = Curve { scene: ladder.scene.clone(), ..Curve::default() };
         let alone = |axis: &Axis| {
             axis.with.len() == 1 && axis.with.get(CONTACT).and_then(Value::as_str) == Some("none")
         };

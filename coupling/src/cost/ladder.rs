@@ -74,6 +74,8 @@ pub struct Ladder {
     pub name: String,
     /// Text, as read.
     pub text: String,
+    /// Name of the scene of the base.
+    pub scene: String,
     /// The base, first, and what differs from it; no two are the same.
     pub rungs: Vec<Rung>,
     /// Axes.
@@ -228,9 +230,11 @@ impl Reader<'_> {
             }
         };
         let base = wrong.keep(Scene::read(&given, self.data))?;
+        let of_base = base.name.clone();
         let base = wrong.keep(changed(&base, &BTreeMap::new(), BASE, self.data))?;
         let rung = Rung { name: BASE.into(), differs: BTreeMap::new(), scene: base };
-        let mut ladder = Ladder { name, text: self.text.to_string(), rungs: vec![rung], axes: Vec::new() };
+        let mut ladder =
+            Ladder { name, text: self.text.to_string(), scene: of_base, rungs: vec![rung], axes: Vec::new() };
         let mut names = BTreeSet::new();
         for axis in &entry.axis {
             if !names.insert(file_name(axis.name.get_ref())) {
@@ -395,6 +399,7 @@ mod tests {
         assert_eq!(ladder.axes[0].rungs, [1, 0, 2]);
         assert_eq!(ladder.rungs[1].scene.resolution, 20e-3);
         assert!(ladder.rungs[1].scene.contact.is_some() && ladder.rungs[3].scene.contact.is_none());
+        assert_eq!((ladder.name.as_str(), ladder.scene.as_str()), ("my", "walker"));
         assert_eq!(ladder.rungs[0].scene.steps, Scene::walker().steps);
     }
 
