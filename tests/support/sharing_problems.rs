@@ -6,7 +6,7 @@ use multibody::sharing::{Names, SharingProblem};
 use nalgebra::{DMatrix, DVector};
 
 use crate::Random;
-use crate::interior_point::{Constraint, minimise};
+use crate::goldfarb_idnani::{Constraint, minimise};
 
 /// Names `c0..`, `m0..`, `x0..` for a problem.
 pub fn names(problem: &SharingProblem) -> Names {

@@ -237,6 +237,8 @@ impl Drop for Held {
         if !self.begun {
             self.undo();
         }
+        // A process that another thread is just starting holds the file open, too, until it becomes its program.
+        let _ = self.marker.unlock();
     }
 }
 
