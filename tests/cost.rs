@@ -327,6 +327,70 @@ fn a_value_that_no_scene_takes_is_refused_before_anything_runs() {
     assert!(!folder.path().join("out").exists());
 }
 
+/// A curve over three meshes of the two muscles, as `cost` would write it.
+const CURVE: &str = r#"scene = "two"
+reference = "fine"
+
+[[contact]]
+setting = "coarse"
+seconds = 5.0
+error_percent = 30.0
+keys = { resolution_mm = 20.0 }
+
+[[contact]]
+setting = "middle"
+seconds = 8.0
+error_percent = 4.0
+keys = { resolution_mm = 16.0 }
+coarser = { setting = "coarse", difference_percent = DIFFERENCE, keys = { resolution_mm = 20.0 } }
+
+[[contact]]
+setting = "fine"
+seconds = 12.0
+error_percent = 0.0
+keys = { resolution_mm = 14.0 }
+coarser = { setting = "middle", difference_percent = 4.0, keys = { resolution_mm = 16.0 } }
+"#;
+
+#[test]
+fn an_accuracy_takes_the_cheapest_setting_and_goes_finer_where_its_check_asks_for_it() {
+    let folder = folder();
+    let compare = |difference: &str, wanted: &str| {
+        fs::write(folder.path().join("curve.toml"), CURVE.replace("DIFFERENCE", difference)).unwrap();
+        let arguments = ["compare", "two.toml", "--accuracy", wanted, "--curve", "curve.toml", "--out", "o"];
+        let output = sartorius(&arguments, folder.path());
+        let said =
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        let left: Vec<String> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name().to_string_lossy().into_owned())
+            .filter(|name| name.starts_with('.'))
+            .collect();
+        assert_eq!(left, Vec::<String>::new(), "the coarser run is gone");
+        (output.status.code(), said)
+    };
+    // As far from the coarser run as the curve says, and more: the setting does.
+    let (code, said) = compare("1000.0", "5%");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("middle promises 4.0 % on two") && said.contains("checked with coarse"), "{said}");
+    // Much farther: the curve is no measure for this scene, and what is left is the finest.
+    let (code, said) = compare("1e-3", "5%");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("middle promises") && said.contains("only fine will do"), "{said}");
+    // Nothing reaches it.
+    let (code, said) = compare("4.0", "0");
+    assert!(code == Some(2) && said.contains("above 0 and at most 100"), "{said}");
+    fs::write(
+        folder.path().join("curve.toml"),
+        CURVE.replace("DIFFERENCE", "4.0").split("\n[[contact]]\nsetting = \"fine\"").next().unwrap(),
+    )
+    .unwrap();
+    let refused =
+        sartorius(&["compare", "two.toml", "--accuracy", "1", "--curve", "curve.toml"], folder.path());
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(2) && said.contains("the best is middle, 4.0 %"), "{said}");
+}
+
 #[test]
 fn unknown_names_are_refused_with_the_nearest() {
     let folder = folder();

@@ -72,8 +72,19 @@ impl Accuracy {
         keys
     }
 
+    /// Whether the setting that was chosen is the one that all others are measured against.
+    fn is_finest(&self) -> bool {
+        self.chosen.error_percent == 0.0
+    }
+
     /// What was chosen, in words.
     pub fn said(&self) -> String {
+        if self.is_finest() {
+            return format!(
+                "accuracy: {} % wanted; only {} will do, the finest setting measured on {}: how far that is off the curve cannot tell",
+                self.wanted, self.chosen.setting, self.measured_on
+            );
+        }
         format!(
             "accuracy: {} % wanted; {} promises {} % on {}, in {} s there",
             self.wanted,
@@ -105,7 +116,16 @@ impl Accuracy {
         let Some(found) = Deviation::of(&numbers, &own).map(|d| 100.0 * d.largest) else {
             return Ok((format!("{}; no force above 20 N to check it with", self.said()), None));
         };
-        // The finest of the curve is right by definition: what is left of its error nothing on the curve can tell.
+        if self.is_finest() {
+            let note = format!(
+                "{}; {} differs from it by {} % here and by {} % there",
+                self.said(),
+                coarser.setting,
+                significant(found, 2),
+                significant(coarser.difference_percent, 2)
+            );
+            return Ok((note, None));
+        }
         let estimated = match coarser.difference_percent > 0.0 {
             true => found * self.chosen.error_percent / coarser.difference_percent,
             false => found,
