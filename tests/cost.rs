@@ -224,15 +224,14 @@ error = "modelling"
 [[axis]]
 name = "muscles"
 key = "muscles"
-values = ["none", ["biceps_femoris_short_head", "biceps_femoris_long_head"]]
+values = ["none", ["biceps_femoris_short_head"]]
 error = "modelling"
 "#;
 
-/// A folder with a ladder over two small muscles.
+/// A folder with a ladder over a small muscle.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let scene =
-        "muscles = [\"biceps_femoris_short_head\", \"biceps_femoris_long_head\"]\nresolution_mm = 20.0\n";
+    let scene = "muscles = [\"biceps_femoris_short_head\"]\nresolution_mm = 20.0\n";
     fs::write(folder.path().join("two.toml"), scene).unwrap();
     fs::write(folder.path().join("my.toml"), LADDER).unwrap();
     folder
@@ -327,7 +326,7 @@ fn a_value_that_no_scene_takes_is_refused_before_anything_runs() {
     assert!(!folder.path().join("out").exists());
 }
 
-/// A curve over three meshes of the two muscles, as `cost` would write it.
+/// A curve over three meshes of the muscle, as `cost` would write it.
 const CURVE: &str = r#"scene = "two"
 reference = "fine"
 
