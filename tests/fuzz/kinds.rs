@@ -62,6 +62,10 @@ pub fn all() -> Vec<Kind> {
         kind("csv", table),
         kind("knee-force", knee_force),
         kind("scene", scene),
+        kind("ladder", |_| {
+            let text = repository("gait-data/ladders/walker.toml");
+            vec![base("ladder.toml", text, true, vec![command("check ladder.toml", 1.0)])]
+        }),
         kind("surface", surface),
         kind("sections", sections),
         kind("mesh", mesh),

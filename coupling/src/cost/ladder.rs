@@ -229,6 +229,18 @@ impl Reader<'_> {
                 (if beside.is_file() { beside } else { own }, stem(self.file))
             }
         };
+        if let (None, Some(named)) = (scene, &entry.scene) {
+            let remedy = match shipped::find(&given, Kind::Scene) {
+                Ok(found) if shipped::is_shipped(&found) || found.is_file() => None,
+                Ok(_) => Some("no such file beside the ladder".to_string()),
+                Err(error) => Some(said(&error)),
+            };
+            if let Some(remedy) = remedy {
+                let value = format!("`{}`", given.display());
+                wrong.note(self.bad(named.span().start, "scene", value, remedy));
+                return None;
+            }
+        }
         let base = wrong.keep(Scene::read(&given, self.data))?;
         let of_base = base.name.clone();
         let base = wrong.keep(changed(&base, &BTreeMap::new(), BASE, self.data))?;
@@ -409,6 +421,9 @@ mod tests {
             .replace("values = [20, 12, 9.0]", "values = [20, 12, 90.0]")
             .replace("\"alone\"\nkey = \"resolution_mm\"", "\"alone\"\nkey = \"resolution\"")
             .replace("effects.contact\" =", "effects.contract\" =");
+        let missing = parse(&TEXT.replace("\"walker\"", "\"wolker\"")).unwrap_err().to_string();
+        let wanted = ["my.toml", "line 1", "`wolker`", "did you mean `walker`"];
+        assert!(wanted.iter().all(|w| missing.contains(w)), "{missing}");
         let InputError::Several(all) = parse(&text).unwrap_err() else { panic!("three are wrong") };
         let all: Vec<String> = all.iter().map(InputError::to_string).collect();
         assert_eq!(all.len(), 3, "{all:#?}");
