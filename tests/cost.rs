@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use coupling::cost::accuracy::extrapolate;
+use coupling::cost::curve::Curve;
 use fem::measure::{Cut, section_force};
 use fem::mesh::generate;
 use fem::plan::Plan;
@@ -283,6 +284,11 @@ fn a_ladder_is_measured_and_resumed_with_the_same_bytes_on_any_number_of_threads
     assert!(number("base", 1) < number("mesh_14", 1) && number("base", 5) > 0.0, "{cost}");
     assert_eq!(number("muscles_none", 1), 0.0);
     assert!(number("muscles_none", 3) < number("base", 3), "{cost}");
+    // Every point names all that makes it, so that it is the same on a scene with other values of its own.
+    let curve = Curve::read(&at("one/curve.toml")).unwrap();
+    let point = |name: &str| curve.contact.iter().find(|p| p.setting == name).unwrap();
+    assert_eq!(point("base").keys["resolution_mm"].as_float(), Some(20.0));
+    assert_eq!(point("mesh_14").coarser.as_ref().unwrap().keys["resolution_mm"].as_float(), Some(20.0));
     let errors = fs::read_to_string(at("one/errors.csv")).unwrap();
     assert!(
         errors.lines().any(|l| l.starts_with("heel_strike,section_force_N,biceps_femoris_short_head,")),

@@ -114,6 +114,11 @@ fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis, reference: u
         mesh.with.iter().all(|(key, value)| differs.get(key) == Some(value))
             && differs.keys().all(|key| mesh.with.contains_key(key) || numerical.contains(key.as_str()))
     };
+    // All of them, those of the base too: another scene has values of its own there.
+    let keys = |rung: usize| -> BTreeMap<String, Value> {
+        let of = |key: &str| Some((key.to_string(), ladder.rungs[rung].scene.value(key)?));
+        numerical.iter().copied().chain(mesh.with.keys().map(String::as_str)).filter_map(of).collect()
+    };
     let size = |rung: usize| ladder.rungs[rung].scene.resolution;
     let mut points: Vec<Point> = (0..ladder.rungs.len())
         .collect::<Vec<_>>()
@@ -126,12 +131,12 @@ fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis, reference: u
                 setting: ladder.rungs[rung].name.clone(),
                 seconds: solved(rung)?.0.seconds,
                 error_percent: difference(rung, reference)?,
-                keys: ladder.rungs[rung].differs.clone(),
+                keys: keys(rung),
                 coarser: coarser.and_then(|&r| {
                     Some(Coarser {
                         setting: ladder.rungs[r].name.clone(),
                         difference_percent: difference(r, rung)?,
-                        keys: ladder.rungs[r].differs.clone(),
+                        keys: keys(r),
                     })
                 }),
             })

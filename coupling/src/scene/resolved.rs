@@ -7,6 +7,14 @@ use toml::{Table, Value};
 use super::Scene;
 
 impl Scene {
+    /// The value of a dotted key in the text of the scene; `None` where it says nothing.
+    pub fn value(&self, key: &str) -> Option<Value> {
+        let table: Table = toml::from_str(&self.text).expect("it was read");
+        let mut parts = key.split('.');
+        let first = table.get(parts.next()?)?.clone();
+        parts.try_fold(first, |at, part| at.get(part).cloned())
+    }
+
     /// The scene as TOML; read back, it is carried out to the same bytes. `trial`: path of its trial file from there, none for the
     /// built-in walker.
     pub fn resolved(&self, trial: Option<&str>) -> String {
@@ -33,6 +41,8 @@ impl Scene {
         accuracy.entry("contact_residual_n").or_insert(with.into());
         let effects = section(&mut keys, "effects");
         effects.insert("fibres".into(), Value::try_from(self.fibres).expect("a word"));
+        effects.entry("fibre_spacing").or_insert((self.fibre_spacing as i64).into());
+        effects.entry("contact_distance_mm").or_insert(in_millimetres(self.contact_distance).into());
         effects.entry("shells").or_insert(self.shells.into());
         let contact = match self.contact {
             Some(ContactMode::Guarded) => "guarded",

@@ -109,8 +109,9 @@ impl Accuracy {
         };
         let own = numbers_of(&comparison.quantities(), self.configuration);
         let mut keys = coarser.keys.clone();
-        let contact = if self.configuration == Configuration::WithContact { "guarded" } else { "none" };
-        keys.insert("effects.contact".into(), contact.into());
+        if self.configuration == Configuration::WithoutContact {
+            keys.insert("effects.contact".into(), "none".into());
+        }
         let coarse = changed(scene, &keys, &scene.name, data)?;
         let numbers = self.numbers(&coarse, folder, data)?;
         let Some(found) = Deviation::of(&numbers, &own).map(|d| 100.0 * d.largest) else {
