@@ -90,7 +90,7 @@ fn as_in_contact(block: &mesher::MuscleBlock) -> Reading {
     let input = SurfaceInput {
         name: block.name.clone(),
         faces: block.surface(),
-        stiffness: 1e4,
+        stiffness: vec![1e4; block.surface().len()],
         spacing: f64::INFINITY, // no samples but the corners
     };
     let all = Surfaces::new(&[input], &x);

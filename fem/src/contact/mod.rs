@@ -41,7 +41,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 use stencil::{Law, Matrix12, Stencil};
-use surface::{SurfaceInput, Surfaces};
+use surface::{Edge, SurfaceInput, Surfaces};
 
 /// Distance within which edges repel each other, as a fraction of that of samples.
 const EDGE_REACH: f64 = 0.5;
@@ -301,13 +301,13 @@ impl Contact {
             let (points, other) = match kind {
                 0 => {
                     let [a, b, c] = all.triangles[which as usize];
-                    ([s, a, b, c], a)
+                    ([s, a, b, c], all.triangle_stiffness[which as usize])
                 }
                 1 => {
-                    let [a, b] = all.edges[which as usize].points;
-                    ([s, a, b, b], a)
+                    let Edge { points: [a, b], stiffness, .. } = all.edges[which as usize];
+                    ([s, a, b, b], stiffness)
                 }
-                _ => ([s, which, which, which], which),
+                _ => ([s, which, which, which], all.stiffness[which as usize]),
             };
             let x = points.map(|i| p[i as usize]);
             let closest = match kind {
@@ -315,7 +315,7 @@ impl Contact {
                 1 => point_edge(&x),
                 _ => point_point(&x),
             };
-            let scale = 0.5 * n * all.areas[s as usize] * self.stiffness(s, other);
+            let scale = 0.5 * n * all.areas[s as usize] * all.stiffness[s as usize].min(other);
             out.push(Stencil { points, closest, scale, law: Law::Barrier(reach), edges: 0.0 });
         }
     }
@@ -328,7 +328,7 @@ impl Contact {
         }
         let (e, f) = (&self.surfaces.edges[e as usize], &self.surfaces.edges[f as usize]);
         let points = [e.points[0], e.points[1], f.points[0], f.points[1]];
-        let scale = 0.25 * (e.area + f.area) * self.stiffness(points[0], points[2]);
+        let scale = 0.25 * (e.area + f.area) * e.stiffness.min(f.stiffness);
         Some(Stencil {
             points,
             closest,
@@ -338,10 +338,10 @@ impl Contact {
         })
     }
 
-    /// Stiffness \[Pa\] of the layer between the surfaces of two collision points: that of the softer side.
-    fn stiffness(&self, p: u32, q: u32) -> f64 {
+    /// Stiffness \[Pa\] of the layer between a sample and a triangle: that of the softer side.
+    fn stiffness(&self, sample: u32, triangle: u32) -> f64 {
         let all = &self.surfaces;
-        all.list[all.surface(p)].stiffness.min(all.list[all.surface(q)].stiffness)
+        all.stiffness[sample as usize].min(all.triangle_stiffness[triangle as usize])
     }
 
     /// Π \[J\]. With `softness` above zero the softened one of the guarded mode, see `soft.rs`.

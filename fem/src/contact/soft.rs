@@ -79,7 +79,7 @@ impl Contact {
             Stencil {
                 points: [n.point, a, b, c],
                 closest: point_triangle(&self.triangle_points(n.point, n.triangle, p)),
-                scale: 0.5 * areas[n.point as usize] * self.stiffness(n.point, a),
+                scale: 0.5 * areas[n.point as usize] * self.stiffness(n.point, n.triangle),
                 law: Law::Soft { reach: self.reach[n.point as usize], softness, side: -1.0 },
                 edges: 0.0,
             }

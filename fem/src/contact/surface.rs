@@ -17,8 +17,8 @@ pub struct SurfaceInput {
     pub name: String,
     /// Quadrilaterals, or triangles that repeat their last node; counter-clockwise from outside.
     pub faces: Vec<[u32; 4]>,
-    /// Stiffness \[Pa\] of what lies behind it; infinite where rigid.
-    pub stiffness: f64,
+    /// Stiffness \[Pa\] of what lies behind each face; infinite where rigid.
+    pub stiffness: Vec<f64>,
     /// Distance \[m\] between samples that is fine enough.
     pub spacing: f64,
 }
@@ -78,6 +78,8 @@ pub struct Edge {
     pub squared_length: f64,
     /// A third of the area of those \[m²\].
     pub area: f64,
+    /// Stiffness \[Pa\] of the softest of its triangles.
+    pub stiffness: f64,
 }
 
 /// One collision surface; indices run over the points, triangles and edges of all surfaces.
@@ -85,8 +87,6 @@ pub struct Edge {
 pub struct Surface {
     /// Name, as reported.
     pub name: String,
-    /// Stiffness \[Pa\] of what lies behind it.
-    pub stiffness: f64,
     /// Twice its volume over its area in the reference configuration \[m\]: the thickness of a plate; 0 where it is open.
     pub thickness: f64,
     /// Its triangles.
@@ -116,8 +116,12 @@ pub struct Surfaces {
     pub surface_of: Vec<u32>,
     /// Corners of triangles between which each collision point lies: itself, the ends of an edge, or three; repeated to fill up.
     pub corners_of: Vec<[u32; 3]>,
+    /// Stiffness \[Pa\] of the softest triangle at each collision point.
+    pub stiffness: Vec<f64>,
     /// Corners of the triangles.
     pub triangles: Vec<[u32; 3]>,
+    /// Stiffness \[Pa\] of what lies behind each triangle; infinite where rigid.
+    pub triangle_stiffness: Vec<f64>,
     /// Samples of the triangles, those on edges and corners included.
     pub triangle_samples: Vec<Vec<u32>>,
     /// Way through the body from the middle of each triangle in the reference configuration \[m\]; infinite where the surface is open.
@@ -163,7 +167,7 @@ impl Surfaces {
     fn add(&mut self, index: u32, input: &SurfaceInput, X: &[f64]) {
         let (first_point, first_triangle) = (self.points.len(), self.triangles.len());
         let mut corner_of = BTreeMap::<u32, u32>::new();
-        for face in &input.faces {
+        for (face, stiffness) in input.faces.iter().zip(&input.stiffness) {
             let corners = face.map(|node| {
                 *corner_of.entry(node).or_insert_with(|| {
                     self.points.push(Blend::node(node));
@@ -176,6 +180,7 @@ impl Surfaces {
                 self.points.len() as u32 - 1
             });
             self.triangles.extend(collision_triangles(corners, mean));
+            self.triangle_stiffness.resize(self.triangles.len(), *stiffness);
         }
         self.areas.resize(self.points.len(), 0.0);
         self.corners_of.extend((first_point as u32..self.points.len() as u32).map(|p| [p; 3]));
@@ -199,15 +204,16 @@ impl Surfaces {
         let corners: Vec<_> = self.triangles[first_triangle..].iter().map(|t| t.map(at)).collect();
         self.depths.extend(depths(&corners, &triangle_tree));
         self.sample_depths.resize(self.points.len(), f64::INFINITY);
+        self.stiffness.resize(self.points.len(), f64::INFINITY);
         for t in first_triangle..self.triangles.len() {
             for &s in &self.triangle_samples[t] {
-                let depth = &mut self.sample_depths[s as usize];
+                let (depth, stiffness) = (&mut self.sample_depths[s as usize], &mut self.stiffness[s as usize]);
                 *depth = depth.min(self.depths[t]);
+                *stiffness = stiffness.min(self.triangle_stiffness[t]);
             }
         }
         self.list.push(Surface {
             name: input.name.clone(),
-            stiffness: input.stiffness,
             thickness: self.thickness(first_triangle, first_edge, X),
             triangles: first_triangle..self.triangles.len(),
             edges: first_edge..self.edges.len(),
@@ -228,12 +234,14 @@ impl Surfaces {
                 *known.entry([a, b]).or_insert_with(|| {
                     let [p, q] = [a, b].map(|p| self.points[p as usize].at(X));
                     let squared_length = (q - p).norm_squared();
-                    self.edges.push(Edge { points: [a, b], squared_length, area: 0.0 });
+                    self.edges.push(Edge { points: [a, b], squared_length, area: 0.0, stiffness: f64::INFINITY });
                     self.edges.len() as u32 - 1
                 })
             });
             for e in edges {
-                self.edges[e as usize].area += area / 3.0;
+                let edge = &mut self.edges[e as usize];
+                edge.area += area / 3.0;
+                edge.stiffness = edge.stiffness.min(self.triangle_stiffness[t]);
             }
             self.triangle_edges.push(edges);
         }

@@ -55,7 +55,8 @@ pub struct ContactSurface {
     pub deforms: bool,
     /// What all its nodes move with, where that is one body or nothing at all ([`Motion::Held`]).
     body: Option<Motion>,
-    stiffness: f64,
+    /// Stiffness \[Pa\] of what lies behind each face; infinite where it does not deform.
+    stiffness: Vec<f64>,
     edge: f64,
     /// Edges of its rim; empty where it is closed.
     pub rim: Vec<[u32; 2]>,
@@ -81,10 +82,11 @@ pub fn contact(
             return Err(SceneError::Twice { what: "contact surface", name: name.clone() });
         }
     }
+    let behind = stiffness_at_nodes(scene, mesh);
     let surfaces: Vec<ContactSurface> = spec
         .surfaces
         .iter()
-        .map(|name| surface(name, spec, scene, mesh, motion))
+        .map(|name| surface(name, spec, &behind, mesh, motion))
         .collect::<Result<_, _>>()?;
     // A metre between blocks of a centimetre is answered with their gaps; far beyond that sums over points would not be finite.
     let places: Vec<Vector3<f64>> =
@@ -140,7 +142,7 @@ pub fn contact(
 fn surface(
     name: &str,
     spec: &ContactSpec,
-    scene: &Scene,
+    behind: &[Option<f64>],
     mesh: &Mesh,
     motion: &[[Motion; 3]],
 ) -> Result<ContactSurface, SceneError> {
@@ -167,21 +169,18 @@ fn surface(
     let first = motion[nodes[0] as usize];
     let together = nodes.iter().all(|&n| motion[n as usize] == first);
     let body = Some(first[0]).filter(|m| together && first == [*m; 3] && !deforms);
-    let mut stiffness = f64::INFINITY;
-    if deforms {
-        let mut solid_of = vec![None; mesh.points.len()];
-        for solid in &scene.solids {
-            if let Some(block) = mesh.blocks.iter().find(|b| b.name == solid.region) {
-                block.nodes.iter().for_each(|&n| solid_of[n as usize] = Some(&solid.law));
-            }
-        }
-        if let Some(&node) = nodes.iter().filter(moves).find(|&&n| solid_of[n as usize].is_none()) {
-            return Err(SceneError::Loose { user, node });
-        }
-        let young =
-            nodes.iter().filter_map(|&n| solid_of[n as usize].map(young)).fold(f64::INFINITY, f64::min);
-        stiffness = spec.stiffness.unwrap_or(young);
+    if deforms && let Some(&node) = nodes.iter().filter(moves).find(|&&n| behind[n as usize].is_none()) {
+        return Err(SceneError::Loose { user, node });
     }
+    // Of cells whose stiffness changes along the surface, a face has that of its own: its other nodes belong to stiffer ones at most.
+    let least = |face: &[u32; 4]| {
+        face.iter().filter_map(|&n| behind[n as usize]).fold(f64::INFINITY, f64::min)
+    };
+    let of_face = |face: &[u32; 4]| match deforms {
+        true => spec.stiffness.unwrap_or_else(|| least(face)),
+        false => f64::INFINITY,
+    };
+    let stiffness = faces.iter().map(of_face).collect();
     let length = |a: u32, b: u32| {
         let (p, q) = (mesh.points[a as usize], mesh.points[b as usize]);
         (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt()
@@ -223,6 +222,20 @@ fn has_area(user: &str, face: [u32; 4], mesh: &Mesh) -> Result<(), SceneError> {
         }
     }
     Ok(())
+}
+
+/// Young's modulus \[Pa\] of the stiffest cell at each node of the mesh; `None`: no solid.
+fn stiffness_at_nodes(scene: &Scene, mesh: &Mesh) -> Vec<Option<f64>> {
+    let mut at = vec![None; mesh.points.len()];
+    for solid in &scene.solids {
+        let Some(block) = mesh.blocks.iter().find(|b| b.name == solid.region) else { continue };
+        let young = young(&solid.law);
+        for (c, cell) in block.cells().enumerate() {
+            let stiffness = young * solid.scale.get(c).unwrap_or(&1.0);
+            cell.iter().for_each(|&n| at[n as usize] = Some(at[n as usize].unwrap_or(0.0_f64).max(stiffness)));
+        }
+    }
+    at
 }
 
 /// Young's modulus \[Pa\] at small strain, along no fibre; of a user's own law the mean over all directions.
@@ -387,7 +400,7 @@ impl ContactPlan {
                     .iter()
                     .map(|f| f.map(|n| local(n).expect("a node of a surface is in its island")))
                     .collect(),
-                stiffness: surface.stiffness,
+                stiffness: surface.stiffness.clone(),
                 spacing: self.spacing.unwrap_or(natural * finest),
             }
         });
