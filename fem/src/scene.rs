@@ -484,9 +484,14 @@ pub struct ContactSpec {
     /// pressure is `stiffness`.
     #[serde(default = "contact_distance")]
     pub distance: f64,
-    /// Stiffness \[Pa\] of the layer of that thickness; absent: Young's modulus of the softer side at small strain.
+    /// Stiffness \[Pa\] of the layer of that thickness; absent: Young's modulus of the softer side at small strain, of each face that of the
+    /// cell behind it; in guarded mode times `layer`.
     #[serde(default)]
     pub stiffness: Option<f64>,
+    /// Guarded: how many times as stiff as what lies behind it the layer is. Where fibres press harder than their matrix could, 1 is too
+    /// little: the layer is squeezed to nothing.
+    #[serde(default = "contact_layer")]
+    pub layer: f64,
     /// Greatest distance \[m\] between the points at which contact is computed; absent: the edge length of the finer
     /// side, half of it in guarded mode.
     #[serde(default)]
@@ -502,6 +507,10 @@ pub struct ContactSpec {
     pub attachment: f64,
 }
 
+fn contact_layer() -> f64 {
+    1.0
+}
+
 impl ContactSpec {
     /// Every surface with every other, everything else at its default.
     pub fn new(surfaces: &[&str]) -> ContactSpec {
@@ -512,6 +521,7 @@ impl ContactSpec {
             mode: ContactMode::Guarded,
             distance: contact_distance(),
             stiffness: None,
+            layer: contact_layer(),
             spacing: None,
             repair: 0.0,
             attachment: 0.0,

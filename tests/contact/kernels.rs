@@ -276,7 +276,12 @@ fn depths_are_those_of_the_body_behind_a_face() {
             }
         }
     }
-    let input = SurfaceInput { name: "comb".into(), stiffness: vec![1e4; faces.len()], faces, spacing: f64::INFINITY };
+    let input = SurfaceInput {
+        name: "comb".into(),
+        stiffness: vec![1e4; faces.len()],
+        faces,
+        spacing: f64::INFINITY,
+    };
     let surfaces = Surfaces::new(&[input], &points);
     assert_eq!(surfaces.depths.len(), 4 * expected.len());
     for (found, expected) in surfaces.depths.chunks(4).zip(expected) {

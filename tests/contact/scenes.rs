@@ -655,3 +655,66 @@ fn flanks_of_a_notch_do_not_pass_through_each_other() {
     let distance = pair_forces(&plan, out.last().expect("solved").snapshot(), [0.0; 3])[0].least_distance;
     assert!(distance > 0.0 && distance < 1.5e-4, "the flanks meet: {distance} m");
 }
+
+/// Of a block that is stiffer towards one end, contact is stiffer there, and nowhere stiffer than the softer side.
+#[test]
+fn a_layer_is_as_stiff_as_what_lies_behind_it() {
+    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (mut scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 0.5e-3, spec);
+    let force_at = |scene: &Scene, x_end: fn(f64) -> bool| -> f64 {
+        let plan = plan(scene, &mesh);
+        let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
+        let mut x = plan.reference();
+        for n in first..mesh.points.len() {
+            x[3 * n + 2] -= 0.3e-3;
+        }
+        let mut g = vec![0.0; x.len()];
+        contact_of(&plan).add_gradient(&x, 0.0, &mut g);
+        let middle = (0..mesh.points.len()).map(|n| x[3 * n]).sum::<f64>() / mesh.points.len() as f64;
+        (first..mesh.points.len()).filter(|n| x_end(x[3 * n] - middle)).map(|n| g[3 * n + 2]).sum()
+    };
+    let both = |scene: &Scene| [force_at(scene, |x| x < -3e-3), force_at(scene, |x| x > 3e-3)];
+    let soft = both(&scene);
+    // Cells of both blocks beyond x = 0, ten times as stiff.
+    let stiffen = |scene: &mut Scene, solid: usize| {
+        let block = mesh.blocks.iter().find(|b| b.name == scene.solids[solid].region).unwrap();
+        let middle = mesh.points.iter().map(|p| p[0]).sum::<f64>() / mesh.points.len() as f64;
+        let centre = |cell: &[u32]| cell.iter().map(|&n| mesh.points[n as usize][0]).sum::<f64>() / 8.0;
+        scene.solids[solid].scale =
+            block.cells().map(|c| if centre(c) > middle + 1e-3 { 10.0 } else { 1.0 }).collect();
+    };
+    stiffen(&mut scene, 0);
+    let one_side = both(&scene);
+    stiffen(&mut scene, 1);
+    let both_sides = both(&scene);
+    println!("{soft:?}, one block {one_side:?}, both {both_sides:?} N");
+    assert!(soft[0] < 0.0 || soft[0] > 0.0, "{soft:?}");
+    assert_eq!(one_side, soft, "the softer side decides");
+    assert_eq!(both_sides[0], soft[0]);
+    let ratio = both_sides[1] / soft[1];
+    assert!(ratio > 5.0 && ratio < 10.0 + 1e-9, "{ratio}");
+}
+
+/// A cell that is folded inside out makes nobody feel far from it as if he were inside.
+#[test]
+fn a_folded_cell_takes_nobody_in_who_has_not_moved() {
+    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 1.5e-3, spec);
+    let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
+    // Every node of the top of the lower block in turn, pushed down through the cells below it.
+    let top: Vec<usize> =
+        (0..first).filter(|&n| (0..first).all(|m| mesh.points[m][2] <= mesh.points[n][2] + 1e-9)).collect();
+    for softness in SAMPLED_DIFFERENTLY {
+        for &n in &top {
+            let plan = plan(&scene, &mesh);
+            let contact = contact_of(&plan);
+            let mut x = plan.reference();
+            assert_eq!(contact.energy(&x, softness), 0.0, "apart at the start");
+            for _ in 0..30 {
+                x[3 * n + 2] -= 1e-3;
+                let energy = contact.energy(&x, softness);
+                assert_eq!(energy, 0.0, "node {n} at {} m: the other block is where it was", x[3 * n + 2]);
+            }
+        }
+    }
+}

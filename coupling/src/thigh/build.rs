@@ -17,8 +17,8 @@ use nalgebra::Vector3;
 
 use super::tendons::{LEAST_SHAPE, TOE, Tendon, add_patellar_ligament, add_tendons, is_seam};
 use super::tissue::{
-    END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX, SHELL_SHEAR, SHELL_THICKNESS, TENDON_MODULUS,
-    TENDON_SECTION,
+    CONTACT_LAYER, END_LAYERS, END_STIFFNESS, FIBRE_TOE, FIBRE_YOUNG, MATRIX, SHELL_SHEAR, SHELL_THICKNESS,
+    TENDON_MODULUS, TENDON_SECTION,
 };
 
 /// A side grows from bone that is nearer than this \[m\]: the 3 mm of the table and the gap that the mesher keeps.
@@ -181,6 +181,7 @@ impl Thigh {
             attachment: ATTACHMENT_REACH,
             repair: CONTACT_REPAIR,
             excluded,
+            layer: CONTACT_LAYER,
             ..ContactSpec::new(&names)
         });
     }

@@ -8,6 +8,9 @@
 //! A point inside a closed body has come in by the side that is nearest, unless that faces the way the point itself does: then the
 //! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
 //! body is deep, which then still sticks out there.
+//!
+//! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved: where it seems
+//! to have changed by more, the point is outside.
 
 use super::candidates::Primitives;
 use super::normals::Normals;
@@ -22,6 +25,8 @@ use rayon::prelude::*;
 const VIEW: f64 = 4.0;
 /// Cosine between the normals of a point and of a triangle from which on they face the same way.
 const ALIGNED: f64 = 0.5;
+/// Fraction of the mean edge by which distances and ways may contradict each other: round-off.
+const ROUND_OFF: f64 = 1e-6;
 /// Fraction of the way to the far side of a body that a point may go at once.
 const HALF: f64 = 0.5;
 
@@ -262,6 +267,9 @@ impl Search<'_> {
             return None;
         };
         let mut near = see(nearest);
+        if near.gap < 0.0 && near.gap < seen.at_least - ROUND_OFF * all.edge_length {
+            (near.gap, near.out) = (-near.gap, -near.out);
+        }
         (seen.nearest, seen.at_least) = (Some(nearest), bound(&near));
         if near.gap >= least || near.beside.is_some_and(|d| d >= self.aside) {
             return None;

@@ -21,7 +21,8 @@ impl Contact {
         let all = &self.surfaces;
         let spring = |near: super::near::Near| {
             let [a, b, c] = all.triangles[near.triangle as usize];
-            let scale = 0.5 * all.areas[near.point as usize] * self.stiffness(near.point, near.triangle) / self.distance;
+            let scale = 0.5 * all.areas[near.point as usize] * self.stiffness(near.point, near.triangle)
+                / self.distance;
             let x = self.triangle_points(near.point, near.triangle, p);
             let mut closest = point_triangle(&x);
             if closest.squared() > near.gap * near.gap * (1.0 + ROUND_OFF) {

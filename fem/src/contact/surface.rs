@@ -207,7 +207,8 @@ impl Surfaces {
         self.stiffness.resize(self.points.len(), f64::INFINITY);
         for t in first_triangle..self.triangles.len() {
             for &s in &self.triangle_samples[t] {
-                let (depth, stiffness) = (&mut self.sample_depths[s as usize], &mut self.stiffness[s as usize]);
+                let (depth, stiffness) =
+                    (&mut self.sample_depths[s as usize], &mut self.stiffness[s as usize]);
                 *depth = depth.min(self.depths[t]);
                 *stiffness = stiffness.min(self.triangle_stiffness[t]);
             }
@@ -234,7 +235,12 @@ impl Surfaces {
                 *known.entry([a, b]).or_insert_with(|| {
                     let [p, q] = [a, b].map(|p| self.points[p as usize].at(X));
                     let squared_length = (q - p).norm_squared();
-                    self.edges.push(Edge { points: [a, b], squared_length, area: 0.0, stiffness: f64::INFINITY });
+                    self.edges.push(Edge {
+                        points: [a, b],
+                        squared_length,
+                        area: 0.0,
+                        stiffness: f64::INFINITY,
+                    });
                     self.edges.len() as u32 - 1
                 })
             });

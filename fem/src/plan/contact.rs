@@ -74,6 +74,7 @@ pub fn contact(
     check(user, "repair [m]", spec.repair, spec.repair >= 0.0, "at least 0")?;
     check(user, "attachment [m]", spec.attachment, spec.attachment >= 0.0, "at least 0")?;
     spec.stiffness.map_or(Ok(()), |k| check(user, "stiffness [Pa]", k, k > 0.0, "positive"))?;
+    check(user, "layer", spec.layer, spec.layer > 0.0, "positive")?;
     spec.spacing.map_or(Ok(()), |h| check(user, "spacing [m]", h, h > 0.0, "positive"))?;
     let n = spec.surfaces.len();
     check(user, "number of surfaces", n as f64, (1..=MAX_SURFACES).contains(&n), "1 to 64; join some")?;
@@ -173,11 +174,11 @@ fn surface(
         return Err(SceneError::Loose { user, node });
     }
     // Of cells whose stiffness changes along the surface, a face has that of its own: its other nodes belong to stiffer ones at most.
-    let least = |face: &[u32; 4]| {
-        face.iter().filter_map(|&n| behind[n as usize]).fold(f64::INFINITY, f64::min)
-    };
+    let least =
+        |face: &[u32; 4]| face.iter().filter_map(|&n| behind[n as usize]).fold(f64::INFINITY, f64::min);
+    let layer = if spec.mode == ContactMode::Guarded { spec.layer } else { 1.0 };
     let of_face = |face: &[u32; 4]| match deforms {
-        true => spec.stiffness.unwrap_or_else(|| least(face)),
+        true => spec.stiffness.unwrap_or_else(|| layer * least(face)),
         false => f64::INFINITY,
     };
     let stiffness = faces.iter().map(of_face).collect();
@@ -232,7 +233,8 @@ fn stiffness_at_nodes(scene: &Scene, mesh: &Mesh) -> Vec<Option<f64>> {
         let young = young(&solid.law);
         for (c, cell) in block.cells().enumerate() {
             let stiffness = young * solid.scale.get(c).unwrap_or(&1.0);
-            cell.iter().for_each(|&n| at[n as usize] = Some(at[n as usize].unwrap_or(0.0_f64).max(stiffness)));
+            cell.iter()
+                .for_each(|&n| at[n as usize] = Some(at[n as usize].unwrap_or(0.0_f64).max(stiffness)));
         }
     }
     at
