@@ -9,8 +9,9 @@
 //! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
 //! body is deep, which then still sticks out there.
 //!
-//! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved: where it seems
-//! to have changed by more, the point is outside.
+//! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved since a softened way
+//! began, where nothing overlapped: where it seems to have changed by more, the point is outside. There alone the answer hangs on what was
+//! found before, and so a softened way begins without memory.
 
 use super::candidates::Primitives;
 use super::normals::Normals;
@@ -75,6 +76,11 @@ impl Contact {
     /// Collision points closer than `least` to a surface that they may meet, or inside it.
     pub(super) fn near(&self, p: &[Vector3<f64>], least: f64) -> Vec<Near> {
         self.near_within(p, Primitives::Samples, &|_, _| least, least + self.view(), 0.0)
+    }
+
+    /// Forgets what earlier searches have found.
+    pub(super) fn forget_near(&self) {
+        *self.memory.lock().expect("no thread panics while it holds the memory") = Memory::default();
     }
 
     /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
@@ -267,7 +273,8 @@ impl Search<'_> {
             return None;
         };
         let mut near = see(nearest);
-        if near.gap < 0.0 && near.gap < seen.at_least - ROUND_OFF * all.edge_length {
+        let is_known = contact.mode == Mode::Guarded && near.beside.is_none();
+        if is_known && near.gap < 0.0 && near.gap < seen.at_least - ROUND_OFF * all.edge_length {
             (near.gap, near.out) = (-near.gap, -near.out);
         }
         (seen.nearest, seen.at_least) = (Some(nearest), bound(&near));

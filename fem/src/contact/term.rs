@@ -77,6 +77,9 @@ impl IslandTerm for ContactTerm {
     }
 
     fn soften(&mut self, softness: f64) {
+        if self.softness == 0.0 {
+            self.contact.forget_near();
+        }
         self.softness = softness;
     }
 
