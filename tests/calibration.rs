@@ -5,6 +5,7 @@
 use multibody::anatomy::{Anatomy, lay_over};
 use multibody::calibration::clusters::pose;
 use multibody::calibration::functional::{self, Recording};
+use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::markers::{self, LandmarkPaths};
 use multibody::calibration::{CalibrationError, HipCentre, Path, Spines, path, table};
 use multibody::natural::{Pose, SegmentId};
@@ -122,7 +123,7 @@ fn the_functional_knee_axis_is_the_hinge_of_the_walker() {
         metatarsal_1: path(&w.trial.markers, "metatarsal head 1"),
         metatarsal_5: path(&w.trial.markers, "metatarsal head 5"),
     };
-    let (found, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male).unwrap();
+    let (found, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::AsFound, Sex::Male).unwrap();
     // The walker's adduction and rotation vary by some hundredths of a degree around its hinge.
     let Pose { R, p } = w.in_table(&found, SegmentId::Thigh);
     let axis = R * found.thigh.w;
@@ -148,6 +149,6 @@ fn a_stiff_knee_cannot_be_calibrated() {
         metatarsal_5: path(&tracks, "metatarsal head 5"),
         tracks,
     };
-    let error = functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male).unwrap_err();
+    let error = functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::AsFound, Sex::Male).unwrap_err();
     assert!(matches!(error, CalibrationError::Range { joint: "knee", .. }), "{error}");
 }

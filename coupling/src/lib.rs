@@ -20,6 +20,7 @@ pub mod configuration;
 pub mod cost;
 pub mod error;
 pub mod fibres;
+pub mod form;
 pub mod measured;
 pub mod number;
 pub mod optimize;

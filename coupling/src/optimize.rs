@@ -4,21 +4,25 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use multibody::InputError;
-use multibody::activation::activate;
+use multibody::activation::{activate, generic_postures};
 use multibody::anatomy::Anatomy;
+use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::{calibrate, functional::Quality};
+use multibody::capability::{Follows, capacities};
 use multibody::loads::{Loads, loads};
-use multibody::model::{Ankle, Model};
+use multibody::model::{Ankle, KneeKind, Model};
 use multibody::motion::track;
 use multibody::muscle::hill::{self, HillResult};
+use multibody::passive;
 use multibody::read::read_knee_forces;
-use multibody::share::{SharingSettings, share};
+use multibody::share::{SharingSettings, bands, share_each};
 use multibody::sharing::Capacity;
-use multibody::trial::{Effort, Filters, Motion, Side, Trial};
+use multibody::trial::{Effort, Filters, Motion, Side, Table, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
 use multibody::walker::{Knee, walker};
 
 use crate::error::StudyError;
+use crate::form::{Bounds, Form};
 use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
 use crate::scene::{TomlKind, wanted};
@@ -36,12 +40,16 @@ pub struct OptimizeOptions {
     pub ankle: Option<Ankle>,
     /// Rule for the hip centre in place of the trial's.
     pub hip_centre: Option<HipRule>,
+    /// What of the leg is as published; by default everything.
+    pub form: Form,
     /// Force sharing.
     pub sharing: SharingSettings,
     /// Activations.
     pub hill: hill::Settings,
     /// Measured knee forces.
     pub measured: Option<PathBuf>,
+    /// Least and greatest joint forces over all admissible sharings are wanted, too.
+    pub bands: bool,
 }
 
 /// A trial with its anatomy and choices, before anything is computed.
@@ -52,6 +60,8 @@ pub struct Case {
     pub anatomy: Anatomy,
     /// Which ankle.
     pub ankle: Ankle,
+    /// What the knee is.
+    pub knee: KneeKind,
     /// Filters.
     pub filters: Filters,
     /// Files that were read.
@@ -86,6 +96,10 @@ pub struct Optimized {
     pub effort: Effort,
     /// What the Hill model says beside the activations.
     pub hill: HillResult,
+    /// Least and greatest joint forces over all admissible sharings \[N\], where they were asked for ([`multibody::share::bands`]).
+    pub bands: Option<Table>,
+    /// Passive joint moments beside those of the muscles \[N·m\], where they are known.
+    pub passive: Option<Table>,
     /// Comparison with measured knee forces.
     pub measured: Option<Overlay>,
     /// Why it was left out although asked for.
@@ -108,6 +122,7 @@ impl Case {
                 trial,
                 anatomy,
                 ankle: options.ankle.unwrap_or_default(),
+                knee: options.form.knee.unwrap_or_default(),
                 // The averaged ground reaction is smooth already.
                 filters: Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 },
                 inputs: Vec::new(),
@@ -135,12 +150,19 @@ impl Case {
             }
             spec.hip_centre = trial_file::HipCentre::By(rule);
         }
+        if !options.form.corrected_knee_centre {
+            spec.knee_centre = KneeCentre::AsFound;
+        }
         let (anatomy, quality) = calibrate(&spec, trial.subject.sex)
             .map_err(|source| StudyError::Calibration { trial: trial.name.clone(), source })?;
         let ankle = match file.model.ankle {
             trial_file::Ankle::Universal => Ankle::Universal,
             trial_file::Ankle::Parallel => Ankle::Parallel,
         };
+        let knee = options.form.knee.unwrap_or(match file.model.knee {
+            trial_file::Knee::Natural => KneeKind::Natural,
+            trial_file::Knee::Implant => KneeKind::Implant,
+        });
         let inputs = file.inputs(options.data.as_deref())?;
         let table = file.landmarks.table.as_deref();
         // Among the inputs the table stands under the folder where it was found.
@@ -167,6 +189,7 @@ impl Case {
         Ok(Case {
             texts,
             ankle: options.ankle.unwrap_or(ankle),
+            knee,
             filters: file.filters(),
             inputs,
             landmarks: source_name(&spec.source).into(),
@@ -198,6 +221,15 @@ fn trial_file(path: &Path) -> Result<TrialFile, StudyError> {
 /// Stages of [`optimize`].
 pub const STAGES: [&str; 6] = ["read", "model", "marker fit", "loads", "sharing", "activations"];
 
+/// Stage after sharing where bands are asked for.
+const BANDS: &str = "bands";
+
+/// The stages of these options.
+pub fn stages(options: &OptimizeOptions) -> Vec<&'static str> {
+    let bands = |stage: &'static str| (stage == "sharing" && options.bands).then_some(BANDS);
+    STAGES.into_iter().flat_map(|stage| std::iter::once(stage).chain(bands(stage))).collect()
+}
+
 /// Runs the whole rigid side.
 pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, StudyError> {
     optimize_with(options, &mut |_| ())
@@ -224,15 +256,39 @@ pub fn solve(
         clock = Instant::now();
     };
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
-    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
+    let form = &options.form;
+    let mut model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?.with_knee(case.knee);
+    if form.wrapped {
+        model = model.with_wrapped_muscles();
+    }
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);
     lap("marker fit");
-    let loads = loads(&model, &motion, &case.trial, &case.filters);
+    let mut loads = loads(&model, &motion, &case.trial, &case.filters);
     lap("loads");
-    let capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
-    let mut effort = share(&model, &motion, &loads, &capacity, &options.sharing)?;
+    let follows = Follows { greatest: form.bounds == Bounds::State, least: form.passive.of_muscles() };
+    let has_state = follows.greatest || follows.least;
+    let postures =
+        if has_state || form.passive.of_joints() { generic_postures(&model, &motion) } else { Vec::new() };
+    let capacity = if has_state {
+        capacities(&model, &motion, &postures, &options.hill, follows)?
+    } else {
+        vec![Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect())]
+    };
+    let at = |frame: usize| &capacity[if has_state { frame } else { 0 }];
+    let passive = form.passive.of_joints().then(|| {
+        // A cycle is walked upright; otherwise the pelvis is upright where its spines are level.
+        let upright = if case.is_cycle { passive::upright_tilt(&motion) } else { 0.0 };
+        let muscles = follows.least.then_some(capacity.as_slice());
+        passive::relieve(&mut loads, &model.coordinate_names(), &postures, upright, muscles)
+    });
+    let mut effort = share_each(&model, &motion, &loads, at, &options.sharing)?;
     lap("sharing");
+    let bands = options.bands.then(|| {
+        let bands = bands(&model, &loads, at, &options.sharing, &effort);
+        lap(BANDS);
+        bands
+    });
     let hill = activate(&model, &motion, &mut effort, &options.hill)?;
     lap("activations");
     let overlay = measured.map(|forces| Overlay::new(&forces, &effort, case.trial.subject.mass));
@@ -241,7 +297,7 @@ pub fn solve(
         Err(why @ MeasuredError::Unsolved { .. }) => (None, Some(why.to_string())),
         Err(bad) => return Err(bad.into()),
     };
-    Ok(Optimized { case, model, motion, loads, effort, hill, measured, not_compared, stages })
+    Ok(Optimized { case, model, motion, loads, effort, hill, bands, passive, measured, not_compared, stages })
 }
 
 fn source_name(source: &trial_file::Landmarks) -> &'static str {

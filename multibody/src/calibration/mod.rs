@@ -4,6 +4,7 @@
 
 pub mod clusters;
 pub mod functional;
+pub mod knee_centre;
 pub mod markers;
 pub mod table;
 
@@ -130,7 +131,7 @@ pub fn calibrate(
                     metatarsal_5: path(tracks, &roles.metatarsal_5),
                 })
                 .collect();
-            let (anatomy, quality) = functional::anatomy(&recordings, without_table, sex)?;
+            let (anatomy, quality) = functional::anatomy(&recordings, without_table, spec.knee_centre, sex)?;
             Ok((anatomy, Some(quality)))
         }
     }

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
+use multibody::calibration::knee_centre::PLAUSIBLE;
 use multibody::error::Mistakes;
-use multibody::model::Ankle;
+use multibody::model::{Ankle, KneeKind};
 use multibody::muscle::curves::{Curves, DeGroote2016};
 use multibody::muscle::hill::{self, Fractions, Tendon};
 use multibody::muscle::path::Muscle;
@@ -31,8 +32,9 @@ use crate::report::both::BothLegs;
 use crate::report::problems::{Mark, Run, runs};
 use crate::report::{MuscleInfo, OptimizeReport, Summary};
 use coupling::error::StudyError;
+use coupling::form::{Bounds, Form, Passive};
 use coupling::number::{plain, short};
-use coupling::optimize::{Case, OptimizeOptions, Optimized, STAGES, optimize_with, sides, solve};
+use coupling::optimize::{Case, OptimizeOptions, Optimized, optimize_with, sides, solve, stages};
 use coupling::subject::{who, words};
 
 #[derive(Args)]
@@ -50,6 +52,22 @@ pub struct OptimizeArguments {
     /// Hip centre, in place of the trial's.
     #[arg(long, value_enum, value_name = "RULE")]
     hip_centre: Option<HipChoice>,
+    /// The rigid leg: `revised` (knee centre corrected for skin motion, the trial's kind of knee, muscle paths without jumps, passive forces,
+    /// bounds by the state of the muscle), or `published`, which is what `compare` goes by. The next three options change single parts.
+    #[arg(long, value_enum, default_value = "revised")]
+    form: FormChoice,
+    /// Kind of knee, in place of the trial's.
+    #[arg(long, value_enum)]
+    knee: Option<KneeChoice>,
+    /// Passive forces that sharing knows: measured moments of the joints, tensions of resting muscles, or both (nothing counts twice).
+    #[arg(long, value_enum)]
+    passive: Option<PassiveChoice>,
+    /// What bounds muscle forces: the maximal isometric force, or the force at full activation at the length and velocity of the moment.
+    #[arg(long, value_enum)]
+    bounds: Option<BoundsChoice>,
+    /// Least and greatest joint forces over all admissible sharings, whatever they cost: joint_force_bounds.csv, and bands in the figures.
+    #[arg(long)]
+    bands: bool,
     /// What muscle forces cost: squared forces, squared activations, or squared activations weighted by volume.
     #[arg(long, value_enum, default_value = "force")]
     cost: CostChoice,
@@ -91,6 +109,32 @@ enum HipChoice {
     Table,
     Regression,
     Harrington,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FormChoice {
+    Revised,
+    Published,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum KneeChoice {
+    Natural,
+    Implant,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PassiveChoice {
+    None,
+    Joints,
+    Muscles,
+    Both,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum BoundsChoice {
+    Strength,
+    State,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -150,6 +194,8 @@ impl OptimizeArguments {
                 HipChoice::Regression => HipRule::Regression,
                 HipChoice::Harrington => HipRule::Harrington,
             }),
+            form: self.form(),
+            bands: self.bands,
             sharing: SharingSettings {
                 muscle_cost: match self.cost {
                     CostChoice::Force => MuscleCost::Force,
@@ -180,6 +226,34 @@ impl OptimizeArguments {
         })
     }
 
+    /// The leg that the options ask for.
+    fn form(&self) -> Form {
+        let base = match self.form {
+            FormChoice::Revised => Form::REVISED,
+            FormChoice::Published => Form::PUBLISHED,
+        };
+        Form {
+            knee: match self.knee {
+                Some(KneeChoice::Natural) => Some(KneeKind::Natural),
+                Some(KneeChoice::Implant) => Some(KneeKind::Implant),
+                None => base.knee,
+            },
+            passive: match self.passive {
+                Some(PassiveChoice::None) => Passive::None,
+                Some(PassiveChoice::Joints) => Passive::Joints,
+                Some(PassiveChoice::Muscles) => Passive::Muscles,
+                Some(PassiveChoice::Both) => Passive::Both,
+                None => base.passive,
+            },
+            bounds: match self.bounds {
+                Some(BoundsChoice::Strength) => Bounds::Strength,
+                Some(BoundsChoice::State) => Bounds::State,
+                None => base.bounds,
+            },
+            ..base
+        }
+    }
+
     /// What computes the same again, every option named.
     fn again(&self, done: &Optimized) -> Again {
         let mut again = Again::default();
@@ -194,6 +268,10 @@ impl OptimizeArguments {
             ("ankle", word(done.case.ankle).into()),
         ];
         let number = |v: f64| format!("{v:?}");
+        options.push(("form", name(&|| self.form.to_possible_value())));
+        options.extend(self.knee.map(|k| ("knee", name(&|| k.to_possible_value()))));
+        options.extend(self.passive.map(|p| ("passive", name(&|| p.to_possible_value()))));
+        options.extend(self.bounds.map(|b| ("bounds", name(&|| b.to_possible_value()))));
         options.extend(self.hip_centre.map(|h| ("hip-centre", name(&|| h.to_possible_value()))));
         options.extend(self.reserves.map(|w| ("reserves", number(w))));
         options.extend(self.raise_bounds.map(|f| ("raise-bounds", number(f))));
@@ -203,6 +281,7 @@ impl OptimizeArguments {
         again.arguments.extend(trial);
         again.arguments.extend(options.into_iter().map(|(option, value)| format!("--{option}={value}")));
         again.arguments.extend(self.unbounded.then(|| "--unbounded".into()));
+        again.arguments.extend(self.bands.then(|| "--bands".into()));
         again
     }
 
@@ -222,8 +301,23 @@ impl OptimizeArguments {
             JointWeights::Table => "published weights (condition 2)",
             JointWeights::None => "none (condition 1)",
         };
-        let bounds =
-            if self.unbounded { "none (published form)" } else { "maximal isometric forces of gait2392" };
+        let form = self.form();
+        let bounds = match form.bounds {
+            _ if self.unbounded => "none (published form)",
+            Bounds::Strength => "maximal isometric forces of gait2392",
+            Bounds::State => "forces at full activation at the length and velocity of the moment",
+        };
+        let knee = match case.knee {
+            KneeKind::Natural => "natural",
+            KneeKind::Implant => "prosthesis",
+        };
+        let paths = if form.wrapped { "quadriceps and gastrocnemii over cylinders" } else { "as published" };
+        let passive = match form.passive {
+            Passive::None => "none",
+            Passive::Joints => "measured moments of hip, knee and ankle",
+            Passive::Muscles => "of resting muscles",
+            Passive::Both => "of resting muscles, and what measured moments have beyond them",
+        };
         let raised = self
             .raise_bounds
             .map_or("never".into(), |limit| format!("by up to {} where a frame is infeasible", short(limit)));
@@ -240,7 +334,11 @@ impl OptimizeArguments {
         [
             ("Landmarks", case.landmarks.clone()),
             ("Hip centre", case.hip_centre.clone()),
+            ("Knee centre", knee_centre(done)),
             ("Ankle", ankle.into()),
+            ("Knee", knee.into()),
+            ("Muscle paths", paths.into()),
+            ("Passive forces in force sharing", passive.into()),
             ("Cost of muscle forces", cost.into()),
             ("Cost of joint forces", joints.into()),
             ("Bounds of muscle forces", bounds.into()),
@@ -255,6 +353,20 @@ impl OptimizeArguments {
         .into_iter()
         .map(|(label, value)| (label.to_string(), value))
         .collect()
+    }
+}
+
+/// Where the knee centre is, in words.
+fn knee_centre(done: &Optimized) -> String {
+    let mm = |v: f64| format!("{:.1}", 1e3 * v);
+    match done.case.quality.map(|q| q.knee_centre) {
+        None => "as the landmarks have it".into(),
+        Some(None) => "on the functional axis".into(),
+        Some(Some(c)) => format!(
+            "{} mm behind the patella marker; the functional axis moved {} mm backward",
+            mm(c.distance),
+            mm(c.moved())
+        ),
     }
 }
 
@@ -312,6 +424,8 @@ impl Leg {
             left_out: &self.left_out,
             notes: &self.notes,
             measured: self.done.measured.as_ref(),
+            bands: self.done.bands.as_ref(),
+            passive: self.done.passive.as_ref(),
             gait2392: Some(&self.gait2392),
         }
     }
@@ -326,7 +440,7 @@ pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, Comman
     if sides(&options)?.len() > 1 {
         return run_both(arguments, &options, claim, quiet);
     }
-    let stages: Vec<&str> = STAGES.into_iter().chain(["write"]).collect();
+    let stages: Vec<&str> = stages(&options).into_iter().chain(["write"]).collect();
     let mut progress = Progress::new(&stages, quiet);
     let leg = Leg::of(optimize_with(&options, &mut |stage| progress.lap(stage))?, arguments);
     let report = leg.report();
@@ -354,12 +468,13 @@ fn run_both(
         ..options.clone()
     };
     let of_leg = |side: Side, stage: &str| format!("{} {stage}", side.name());
-    let mut stages = vec![STAGES[0].to_string()];
-    stages.extend(SIDES.iter().flat_map(|side| STAGES[1..].iter().map(|stage| of_leg(*side, stage))));
+    let of_one = stages(options);
+    let mut stages = vec![of_one[0].to_string()];
+    stages.extend(SIDES.iter().flat_map(|side| of_one[1..].iter().map(|stage| of_leg(*side, stage))));
     stages.push("write".into());
     let mut progress = Progress::new(&stages, quiet);
     let cases = both_cases(SIDES.map(|side| Case::load(&of_side(side))))?;
-    progress.lap(STAGES[0]);
+    progress.lap(of_one[0]);
     let mut legs = Vec::new();
     for (case, side) in cases.into_iter().zip(SIDES) {
         let done = solve(case, &of_side(side), &mut |stage| progress.lap(&of_leg(side, stage)));
@@ -493,13 +608,20 @@ fn simulated(done: &Optimized) -> Vec<String> {
 }
 
 fn left_out(arguments: &OptimizeArguments, done: &Optimized) -> Vec<(String, String)> {
-    let mut list = vec![
-        ("Deformable thigh".to_string(), "optimize is the rigid side alone".to_string()),
-        (
+    let mut list = vec![("Deformable thigh".to_string(), "optimize is the rigid side alone".to_string())];
+    let form = arguments.form();
+    if !form.passive.of_muscles() {
+        list.push((
             "Passive muscle force in force sharing".to_string(),
             "muscles are lines of tension; passive force enters with the activations".to_string(),
-        ),
-    ];
+        ));
+    }
+    if !form.passive.of_joints() {
+        list.push(("Passive joint moments".to_string(), "not asked for (--passive)".to_string()));
+    }
+    if !arguments.bands {
+        list.push(("Bands of joint forces".to_string(), "not asked for (--bands)".to_string()));
+    }
     if arguments.reserves.is_none() {
         list.push(("Reserve moments".to_string(), "not asked for (--reserves)".to_string()));
     }
@@ -543,6 +665,18 @@ fn warnings(done: &Optimized) -> Vec<String> {
             mm(q.ankle_rms),
             q.ankle_range.to_degrees()
         ));
+        if let Some(c) = &q.knee_centre {
+            let word = if c.moved().abs() > PLAUSIBLE {
+                " That is more than skin explains: check which marker is the patella's, and the distance."
+            } else {
+                ""
+            };
+            notes.push(format!(
+                "The knee centre was moved {} mm backward along the thigh's forward axis, to {} mm from the patella marker, because skin that slides moves a functional axis forward.{word}",
+                mm(c.moved()),
+                mm(c.distance)
+            ));
+        }
     }
     let fits = &done.motion.fit[done.motion.report.clone()];
     let cautions: std::collections::BTreeSet<&String> =

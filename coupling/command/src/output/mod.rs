@@ -145,6 +145,11 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
     out.write(&at("verdicts.csv"), |w| tables::write_verdicts(w, report.motion, report.effort))?;
     write_if_any(out, &at("reserves"), tables::reserves(report.effort))?;
     write_if_any(out, &at("least_violation"), tables::least_violation(report.effort))?;
+    let time = &report.effort.time;
+    let bands = report.bands.map(|bands| tables::joint_force_bounds(time, bands));
+    write_if_any(out, &at("joint_force_bounds"), bands)?;
+    let passive = report.passive.map(|passive| tables::passive_moments(time, passive));
+    write_if_any(out, &at("passive_moments"), passive)?;
     write_if_any(out, &at("measured_knee"), report.measured.map(tables::measured_knee))?;
 
     let side = report.trial.side;

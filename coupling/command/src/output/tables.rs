@@ -95,6 +95,16 @@ pub fn reserves(effort: &Effort) -> Option<Series> {
     (!series.columns.is_empty()).then_some(series)
 }
 
+/// `joint_force_bounds.csv`: least and greatest joint forces \[N\] over all admissible sharings.
+pub fn joint_force_bounds(time: &[f64], bands: &Table) -> Series {
+    Series::from_table(time, bands, 1.0, "_N")
+}
+
+/// `passive_moments.csv`: passive joint moments \[N·m\] beside those of the resting muscles that force sharing knows.
+pub fn passive_moments(time: &[f64], passive: &Table) -> Series {
+    Series::from_table(time, passive, 1.0, "_Nm")
+}
+
 /// `least_violation.csv`: muscle and joint forces \[N\] of the infeasible frames alone, which are no solution; `None` where there are none.
 pub fn least_violation(effort: &Effort) -> Option<Series> {
     let answered = |i: &usize| effort.least_violation.values.row(*i).iter().any(|v| v.is_finite());

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use multibody::share::BAND_NAMES;
 use multibody::sharing::KKT_TOLERANCE;
 use multibody::trial::{Status, Table, Verdict};
 
@@ -9,7 +10,7 @@ use super::groups::grouped;
 use super::heatmap::{Block, Row, heatmap};
 use super::optimize::{View, words};
 use super::page::{grid, section, table};
-use super::plot::{Line, Plot, RightAxis, Scale, Size};
+use super::plot::{Band, Line, Plot, RightAxis, Scale, Size};
 use super::svg::{extent, fixed};
 use super::{STANCE_THRESHOLD, total_knee_force};
 
@@ -47,6 +48,7 @@ impl View<'_> {
             unit: axis[1],
             axis: &self.axis,
             lines,
+            bands: Vec::new(),
             size: Size::Normal,
             scale: Scale::FromZero,
             right: None,
@@ -88,6 +90,38 @@ impl View<'_> {
             "Knee forces",
             "Compression of the medial and lateral compartment and tension of the ligaments; a negative MCL stands in for the lateral ligament, which this knee lacks. Stance is shaded.",
             &grid("normal", &figures),
+        )
+    }
+
+    /// Each joint force with everything that it could be.
+    pub(super) fn bands(&self) -> String {
+        let Some(bands) = self.report.bands else { return String::new() };
+        let effort = self.report.effort;
+        let right = Some(RightAxis { per_unit: self.report.body_weight(), unit: "body weights" });
+        let figure = |&name: &&str| {
+            let end = |end: &str| bands.column(&format!("{name}_{end}")).unwrap_or_default();
+            let values = match name {
+                "knee_total" => total_knee_force(effort),
+                "hip" | "ankle" => resultant(&effort.reactions, name),
+                _ => effort.reactions.column(name),
+            };
+            let short = name.trim_start_matches("knee_");
+            let class = colour(short, 0);
+            let line = Line {
+                name: "found".into(),
+                class,
+                time: None,
+                values: values.unwrap_or_default(),
+            };
+            let band = Band { name: "any sharing".into(), class, ends: [end("least"), end("greatest")] };
+            let title = capital(&words(name));
+            Plot { right, bands: vec![band], ..self.plot(title, ["force", "N"], vec![line]) }.render()
+        };
+        section(
+            "What sharing can decide",
+            "The line is the force that was found. The surface is all that it could be: the least and the greatest over all muscle forces that carry the moments within their \
+             bounds, whatever they cost. Where the surface is thin, geometry and loads decide; where it is wide, the cost does. Hip and ankle: along the force that was found.",
+            &grid("normal", &BAND_NAMES.iter().map(figure).collect::<Vec<_>>()),
         )
     }
 
@@ -385,6 +419,13 @@ impl View<'_> {
     }
 }
 
+/// Length of the force of a joint \[N\]; `None` where it has no three components.
+fn resultant(reactions: &Table, joint: &str) -> Option<Vec<f64>> {
+    let [x, y, z] = ["x", "y", "z"].map(|axis| reactions.column(&format!("{joint}_{axis}")));
+    let (x, y, z) = (x?, y?, z?);
+    Some((0..x.len()).map(|i| (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt()).collect())
+}
+
 /// Which figure shows a reaction.
 #[derive(Clone, Copy, PartialEq)]
 enum Panel {
@@ -403,7 +444,7 @@ impl Panel {
         let name = column.strip_suffix("_N").unwrap_or(column);
         match name {
             "knee_medial" | "knee_lateral" => Panel::Knee,
-            "acl" | "pcl" | "mcl" => Panel::Ligaments,
+            "acl" | "pcl" | "mcl" | "knee_shear_x" | "knee_shear_z" => Panel::Ligaments,
             "tibiocalcaneal" | "calcaneofibular" => Panel::AnkleLigaments,
             _ if name.contains("axial") || name.contains("bone") => Panel::Bones,
             _ if name.starts_with("patell") => Panel::Patella,
@@ -416,7 +457,7 @@ impl Panel {
     fn title(self) -> &'static str {
         match self {
             Panel::Knee => "Tibiofemoral contact",
-            Panel::Ligaments => "Knee ligaments",
+            Panel::Ligaments => "Knee ligaments and shear",
             Panel::Patella => "Patella, contact and tendon",
             Panel::Hip => "Hip contact",
             Panel::Ankle => "Ankle contact",

@@ -22,7 +22,7 @@ pub mod reserves;
 pub mod svg;
 
 use multibody::loads::Loads;
-use multibody::trial::{Effort, Motion, Status, Trial};
+use multibody::trial::{Effort, Motion, Status, Table, Trial};
 use serde::Serialize;
 
 use crate::output::tables::Series;
@@ -70,6 +70,10 @@ pub struct OptimizeReport<'a> {
     pub notes: &'a [String],
     /// Comparison with an instrumented knee.
     pub measured: Option<&'a Overlay>,
+    /// Least and greatest joint forces over all admissible sharings; absent where they were not asked for.
+    pub bands: Option<&'a Table>,
+    /// Passive joint moments beside those of the muscles; absent where they are left out.
+    pub passive: Option<&'a Table>,
     /// The motion in coordinates of OpenSim's gait2392; absent where there is no model of the leg.
     pub gait2392: Option<&'a Series>,
 }

@@ -16,6 +16,7 @@ pub fn optimize_page(report: &OptimizeReport) -> String {
     let body = [
         view.headline(),
         view.knee(),
+        view.bands(),
         view.measured(),
         view.motion(),
         view.loads(),
