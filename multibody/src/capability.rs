@@ -64,6 +64,8 @@ fn tension(unit: &MuscleTendon, settings: &Settings, l: f64, v: f64, a: f64) -> 
         Tendon::Elastic => match hill::equilibrium(unit, &settings.curves, l, v, a) {
             Ok(found) => Ok(found.force.max(0.0)),
             Err(EquilibriumError::Slack { .. }) => Ok(0.0),
+            // As activations have it: the fibre is not shorter than they count it.
+            Err(EquilibriumError::FibreTooShort { .. }) => Ok(hill::shortest_fibre_force(unit, &settings.curves, v, a)),
             Err(other) => Err(other.into()),
         },
     }

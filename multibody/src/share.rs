@@ -58,6 +58,7 @@ pub fn reactions_of(model: &Model) -> Vec<Reaction> {
             match reaction.name {
                 "acl" => *reaction = SHEAR[0],
                 "pcl" => *reaction = SHEAR[1],
+                "mcl" => *reaction = SHEAR[2],
                 _ => {}
             }
         }

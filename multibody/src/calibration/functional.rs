@@ -104,21 +104,22 @@ pub fn anatomy(
         // Without a patella marker: the point nearest to the line from hip to ankle.
         Err(_) => nearest_to_leg_line(recordings, &clusters, &knee, &pelvis_axes.hip, &on_talocrural),
     };
+    // The model counts the shank to the midpoint of the malleoli; its talocrural axis lies farther down (`joints.csv`).
+    let below = crate::tables::JointTable::built_in().point("ankle_universal", "joint point on shank");
+    let stretch = 1.0 - below.y / crate::joint::GENERIC_SHANK;
     let mut knee_in_thigh = knee.proximal_point + on_axis * knee.proximal;
     let mut knee_in_shank = knee.distal_point + on_axis * knee.distal;
     let mut correction = None;
     if let KneeCentre::ByPatella(distance) = knee_centre {
         let seen = knee_frames(recordings, &clusters);
         let hip = mean_point(recordings, &clusters, &pelvis_axes.hip);
-        correction = correct(&seen, &hip, &knee_in_thigh, &knee.proximal, distance);
+        let shank = (knee_in_shank - on_talocrural).norm() / stretch;
+        correction = correct(&seen, &hip, &knee_in_thigh, &knee.proximal, shank, distance);
         if let Some(correction) = &correction {
             knee_in_thigh = correction.knee;
             knee_in_shank = in_shank(&seen, &knee_in_thigh);
         }
     }
-    // The model counts the shank to the midpoint of the malleoli; its talocrural axis lies farther down (`joints.csv`).
-    let below = crate::tables::JointTable::built_in().point("ankle_universal", "joint point on shank");
-    let stretch = 1.0 - below.y / crate::joint::GENERIC_SHANK;
     let ankle_in_shank = knee_in_shank + (on_talocrural - knee_in_shank) / stretch;
     let carried: Vec<Vector3<f64>> = frames(recordings, &clusters, Foot, Shank)
         .map(|(foot, shank)| relative(&foot, &shank))

@@ -5,7 +5,7 @@
 //! functional axis lies 11 mm too far forward and 11 mm too far up; on JW 11 mm too far forward.
 //!
 //! The distance from the knee centre to a marker on the patella, along the forward axis of the thigh with the knee nearly straight, does not
-//! hang on that slide. It is taken as a fraction of the length of the thigh, or as measured on the subject, and the centre is moved along the forward axis.
+//! hang on that slide. It is taken as a fraction of the length of the leg, or as measured on the subject, and the centre is moved along the forward axis.
 //! A slide *across* the thigh moves the axis up or down instead; that is not corrected.
 
 #![allow(non_snake_case)]
@@ -17,14 +17,15 @@ use nalgebra::{Matrix3, Vector3};
 pub enum KneeCentre {
     /// On the axis of rotation as found.
     AsFound,
-    /// Moved along the forward axis of the thigh to this distance from the patella marker \[m\]; `None`: [`DISTANCE`] thigh lengths.
+    /// Moved along the forward axis of the thigh to this distance from the patella marker \[m\]; `None`: [`DISTANCE`] lengths of the leg.
     ByPatella(Option<f64>),
 }
 
-/// Distance from knee centre to patella marker along the forward axis, in thigh lengths: 70.6 mm of 418.9 mm in the three recordings of
-/// subject DM with the tabulated knee centre (72, 70 and 70 mm). Two sets of bone surfaces bracket it: 50 mm and 65 mm of bone in front of the midpoint of the
-/// epicondyles or the collateral ligaments' attachments, and some 12 mm of skin and marker, are 0.150 and 0.18 thigh lengths.
-pub const DISTANCE: f64 = 0.169;
+/// Distance from knee centre to patella marker along the forward axis, in lengths of the leg (thigh and shank, which do not change where the knee
+/// centre is put along the leg): 70.6 mm of 822.3 mm in the three recordings of subject DM with the tabulated knee centre (72, 70 and 70 mm).
+/// Two sets of bone surfaces bracket it: 50 and 65 mm of bone in front of the midpoint of the epicondyles or of the collateral ligaments'
+/// attachments, and some 12 mm of skin and marker.
+pub const DISTANCE: f64 = 0.0859;
 /// The knee is nearly straight within this angle from its straightest frame \[rad\].
 const NEARLY_STRAIGHT: f64 = 15.0 * std::f64::consts::PI / 180.0;
 /// A correction beyond this is more than skin explains \[m\]: thigh clusters slide by some 18 mm and deform by up to 16 mm (fluoroscopy,
@@ -57,13 +58,15 @@ pub struct Frame {
     pub patella: Option<Vector3<f64>>,
 }
 
-/// Moves `knee`, a point of the axis `w` (to the right), backward from the patella marker; all in the thigh \[m\]. `None` where no nearly straight
+/// Moves `knee`, a point of the axis `w` (to the right), backward from the patella marker; all in the thigh \[m\]. `shank`: length of the shank \[m\].
+/// `None` where no nearly straight
 /// frame shows the marker.
 pub fn correct(
     frames: &[Frame],
     hip: &Vector3<f64>,
     knee: &Vector3<f64>,
     w: &Vector3<f64>,
+    shank: f64,
     distance: Option<f64>,
 ) -> Option<Correction> {
     let first = frames.first()?.shank.0;
@@ -88,7 +91,7 @@ pub fn correct(
     let mut wanted = found;
     // The forward axis turns a little as the centre moves along it.
     for _ in 0..PASSES {
-        wanted = distance.unwrap_or(DISTANCE * (hip - moved).norm());
+        wanted = distance.unwrap_or(DISTANCE * ((hip - moved).norm() + shank));
         let x = forward(&moved);
         moved += ((patella - moved).dot(&x) - wanted) * x;
     }

@@ -227,6 +227,13 @@ pub fn rigid_tendon_force(unit: &MuscleTendon, curves: &Curves, l_mt: f64, v_mt:
     tendon_force(unit, curves, a, L, V).max(0.0)
 }
 
+/// Force \[N\] of a muscle whose fibre is as short as [`LENGTH_RANGE`] counts it, at velocity `v_mt` \[m/s\] and activation `a`.
+pub fn shortest_fibre_force(unit: &MuscleTendon, curves: &Curves, v_mt: f64, a: f64) -> f64 {
+    let L = shortest_fibre(unit, LENGTH_RANGE.0);
+    let V = v_mt * cos_pennation(unit, L) / (unit.v_max * unit.l_opt);
+    tendon_force(unit, curves, a, L, V).max(0.0)
+}
+
 /// The activation at which the tendon force is `force` \[N\], not clipped; inverse of [`tendon_force`].
 ///
 /// Where the passive force alone exceeds the tendon's, the excess in multiples of the isometric active force, negative.

@@ -68,7 +68,8 @@ impl Muscle {
     pub fn unit_force(&self, Q: &Coordinates, fe: f64, mut add: impl FnMut(usize, Vector3<f64>)) {
         self.pieces(Q, fe, |piece| {
             let Piece::Straight([from, to]) = piece else { return };
-            let e = (to.at(Q) - from.at(Q)).normalize();
+            // A line that begins on its cylinder has a first piece without length, between points of one body.
+            let Some(e) = (to.at(Q) - from.at(Q)).try_normalize(1e-12) else { return };
             from.terms.iter().for_each(|&(block, k)| add(block, k * e));
             to.terms.iter().for_each(|&(block, k)| add(block, -k * e));
         });

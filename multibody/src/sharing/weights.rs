@@ -117,9 +117,10 @@ pub const REACTIONS: [Reaction; 21] = [
     Reaction { name: "femur_axial", weight: 1e-6, lower: 0.0 },
 ];
 
-/// What stands in place of the cruciate ligaments where a post and conforming surfaces take shear both ways: as cheap as they.
-pub const SHEAR: [Reaction; 2] = [
-    Reaction { name: "knee_shear_x", weight: 1e-6, lower: FREE },
+/// What stands in place of the ligaments where a post and conforming surfaces take shear both ways: as cheap as the cruciate ligaments.
+pub const SHEAR: [Reaction; 3] = [
+    Reaction { name: "knee_shear_medial", weight: 1e-6, lower: FREE },
+    Reaction { name: "knee_shear_lateral", weight: 1e-6, lower: FREE },
     Reaction { name: "knee_shear_z", weight: 1e-6, lower: FREE },
 ];
 

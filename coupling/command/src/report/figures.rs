@@ -444,7 +444,8 @@ impl Panel {
         let name = column.strip_suffix("_N").unwrap_or(column);
         match name {
             "knee_medial" | "knee_lateral" => Panel::Knee,
-            "acl" | "pcl" | "mcl" | "knee_shear_x" | "knee_shear_z" => Panel::Ligaments,
+            "acl" | "pcl" | "mcl" => Panel::Ligaments,
+            _ if name.starts_with("knee_shear") => Panel::Ligaments,
             "tibiocalcaneal" | "calcaneofibular" => Panel::AnkleLigaments,
             _ if name.contains("axial") || name.contains("bone") => Panel::Bones,
             _ if name.starts_with("patell") => Panel::Patella,
