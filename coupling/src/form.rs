@@ -1,6 +1,7 @@
 //! What of the rigid leg is as published, and what goes beyond.
 
 use multibody::model::KneeKind;
+use multibody::sharing::{MuscleCost, ReactionCost};
 use serde::{Deserialize, Serialize};
 
 /// What joints and muscles resist at rest, in force sharing.
@@ -54,6 +55,10 @@ pub struct Form {
     pub passive: Passive,
     /// What bounds tensions.
     pub bounds: Bounds,
+    /// What tensions cost, where nobody asks for another cost.
+    pub muscle_cost: MuscleCost,
+    /// What joint forces cost, where nobody asks for another cost.
+    pub reaction_cost: ReactionCost,
 }
 
 impl Form {
@@ -64,6 +69,8 @@ impl Form {
         wrapped: false,
         passive: Passive::None,
         bounds: Bounds::Strength,
+        muscle_cost: MuscleCost::Force,
+        reaction_cost: ReactionCost::Table,
     };
     /// What `optimize` goes by.
     pub const REVISED: Form = Form {
@@ -72,6 +79,8 @@ impl Form {
         wrapped: true,
         passive: Passive::Both,
         bounds: Bounds::State,
+        muscle_cost: MuscleCost::Volume,
+        reaction_cost: ReactionCost::None,
     };
 }
 

@@ -10,6 +10,7 @@ use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::{calibrate, functional::Quality};
 use multibody::capability::{Follows, capacities};
 use multibody::loads::{Loads, loads};
+use multibody::emg;
 use multibody::model::{Ankle, KneeKind, Model};
 use multibody::motion::track;
 use multibody::muscle::hill::{self, HillResult};
@@ -76,6 +77,8 @@ pub struct Case {
     pub is_cycle: bool,
     /// Quality of a functional calibration.
     pub quality: Option<Quality>,
+    /// Electromyography, where the trial names it.
+    pub emg: Option<emg::Recording>,
     /// What the trial file says that rarely is so, or is left out of account.
     pub doubts: Vec<String>,
     /// How long reading took.
@@ -100,6 +103,8 @@ pub struct Optimized {
     pub bands: Option<Table>,
     /// Passive joint moments beside those of the muscles \[N·m\], where they are known.
     pub passive: Option<Table>,
+    /// Electromyography beside muscle forces, where the trial names it.
+    pub emg: Option<Vec<emg::Compared>>,
     /// Comparison with measured knee forces.
     pub measured: Option<Overlay>,
     /// Why it was left out although asked for.
@@ -131,6 +136,7 @@ impl Case {
                 hip_centre: "table".into(),
                 is_cycle: true,
                 quality: None,
+                emg: None,
                 doubts: Vec::new(),
                 took: clock.elapsed(),
             });
@@ -196,6 +202,7 @@ impl Case {
             hip_centre: hip_name(&spec.hip_centre),
             is_cycle: file.range.cycle.is_some(),
             quality,
+            emg: file.emg(options.data.as_deref())?,
             doubts,
             trial,
             anatomy,
@@ -291,13 +298,14 @@ pub fn solve(
     });
     let hill = activate(&model, &motion, &mut effort, &options.hill)?;
     lap("activations");
+    let emg = case.emg.as_ref().map(|recorded| emg::compare(recorded, &effort.time, &effort.forces));
     let overlay = measured.map(|forces| Overlay::new(&forces, &effort, case.trial.subject.mass));
     let (measured, not_compared) = match overlay.transpose() {
         Ok(overlay) => (overlay, None),
         Err(why @ MeasuredError::Unsolved { .. }) => (None, Some(why.to_string())),
         Err(bad) => return Err(bad.into()),
     };
-    Ok(Optimized { case, model, motion, loads, effort, hill, bands, passive, measured, not_compared, stages })
+    Ok(Optimized { case, model, motion, loads, effort, hill, bands, passive, emg, measured, not_compared, stages })
 }
 
 fn source_name(source: &trial_file::Landmarks) -> &'static str {

@@ -9,6 +9,7 @@ pub mod anatomy;
 pub mod calibration;
 pub mod capability;
 pub mod dynamics;
+pub mod emg;
 pub mod equilibrium;
 pub mod error;
 pub mod filter;

@@ -252,6 +252,7 @@ impl Walk {
             measured: self.overlay.as_ref(),
             bands: None,
             passive: None,
+            emg: None,
             gait2392: None,
         }
     }

@@ -96,6 +96,11 @@ pub const KEYS: &[Key] = &[
     key("model.ankle", Word(&["universal", "parallel"]), Default("\"universal\""), "", "Joint between shank and foot: two hinges, or a parallel mechanism of contact and two ligaments", "\"parallel\""),
     key("model.knee", Word(&["natural", "implant"]), Default("\"natural\""), "", "What the knee is: natural, with cruciate ligaments that pull; or a prosthesis, whose post and surfaces take shear both ways and whose compartments may lift off", "\"implant\""),
 
+    key("emg", Section, Optional("no electromyography is compared"), "", "Electromyography of the leg under study (of both legs: of the right one): when muscles were excited, beside when they pull", ""),
+    key("emg.file", File, Optional("the analog channels of the C3D motion"), "", "Table with the channels over time: CSV, STO or MOT, or another C3D file", "\"walk_emg.csv\""),
+    key("emg.delay_ms", Number(0.0, 200.0), Default("50.0"), "ms", "Electromechanical delay: how long force comes after excitation", "50.0"),
+    key("emg.channels", Map, Required, "", "Channel of the recording = muscle line, or several with spaces between", "\"medgas\" = \"gasmed\""),
+
     key("gaps", Section, Optional("the defaults of its keys"), "", "What to do about gaps in marker paths", ""),
     key("gaps.fill_up_to_frames", Count(0, 1_000_000), Default("0"), "frames", "Longest gap that is filled by a cubic through its neighbours; 0 fills none", "10"),
 

@@ -5,6 +5,7 @@
 
 mod axes;
 mod doubts;
+mod emg;
 mod force;
 mod guess;
 mod keys;
@@ -21,6 +22,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 pub use axes::{Axes, SignedAxis};
+pub use emg::EmgEntry;
 pub use guess::{Guess, Wishes, guess};
 pub use keys::KEYS;
 pub use landmarks::{LandmarkSpec, Landmarks, Roles, read_landmarks};
@@ -72,6 +74,8 @@ pub struct TrialFile {
     /// What to do about gaps.
     #[serde(default)]
     pub gaps: GapEntry,
+    /// Electromyography.
+    pub emg: Option<EmgEntry>,
     /// Recordings that differ from `motion` in axes, units or gaps.
     #[serde(default)]
     pub recording: Vec<RecordingEntry>,

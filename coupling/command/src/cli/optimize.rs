@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use multibody::calibration::knee_centre::PLAUSIBLE;
+use multibody::emg;
 use multibody::error::Mistakes;
 use multibody::model::{Ankle, KneeKind};
 use multibody::muscle::curves::{Curves, DeGroote2016};
@@ -68,12 +69,14 @@ pub struct OptimizeArguments {
     /// Least and greatest joint forces over all admissible sharings, whatever they cost: joint_force_bounds.csv, and bands in the figures.
     #[arg(long)]
     bands: bool,
-    /// What muscle forces cost: squared forces, squared activations, or squared activations weighted by volume.
-    #[arg(long, value_enum, default_value = "force")]
-    cost: CostChoice,
-    /// What joint contact, ligament and bone forces cost: the published weights (condition 2) or nothing (condition 1).
-    #[arg(long, value_enum, default_value = "table")]
-    joint_weights: JointWeights,
+    /// What muscle forces cost: squared forces, squared activations, or squared activations weighted by volume
+    /// [default: volume; force with --form published].
+    #[arg(long, value_enum)]
+    cost: Option<CostChoice>,
+    /// What joint contact, ligament and bone forces cost: the published weights (condition 2) or nothing (condition 1)
+    /// [default: none; table with --form published].
+    #[arg(long, value_enum)]
+    joint_weights: Option<JointWeights>,
     /// No upper bounds on muscle forces: the published form.
     #[arg(long)]
     unbounded: bool,
@@ -197,15 +200,8 @@ impl OptimizeArguments {
             form: self.form(),
             bands: self.bands,
             sharing: SharingSettings {
-                muscle_cost: match self.cost {
-                    CostChoice::Force => MuscleCost::Force,
-                    CostChoice::Activation => MuscleCost::Activation,
-                    CostChoice::Volume => MuscleCost::Volume,
-                },
-                reaction_cost: match self.joint_weights {
-                    JointWeights::Table => ReactionCost::Table,
-                    JointWeights::None => ReactionCost::None,
-                },
+                muscle_cost: self.form().muscle_cost,
+                reaction_cost: self.form().reaction_cost,
                 bounded: !self.unbounded,
                 reserves: self.reserves,
                 options: SharingOptions { raise_bounds: self.raise_bounds },
@@ -250,6 +246,17 @@ impl OptimizeArguments {
                 Some(BoundsChoice::State) => Bounds::State,
                 None => base.bounds,
             },
+            muscle_cost: match self.cost {
+                Some(CostChoice::Force) => MuscleCost::Force,
+                Some(CostChoice::Activation) => MuscleCost::Activation,
+                Some(CostChoice::Volume) => MuscleCost::Volume,
+                None => base.muscle_cost,
+            },
+            reaction_cost: match self.joint_weights {
+                Some(JointWeights::Table) => ReactionCost::Table,
+                Some(JointWeights::None) => ReactionCost::None,
+                None => base.reaction_cost,
+            },
             ..base
         }
     }
@@ -260,9 +267,19 @@ impl OptimizeArguments {
         let name = |value: &dyn Fn() -> Option<PossibleValue>| {
             value().expect("none is hidden").get_name().to_string()
         };
+        let form = self.form();
+        let cost = match form.muscle_cost {
+            MuscleCost::Force => "force",
+            MuscleCost::Activation => "activation",
+            MuscleCost::Volume => "volume",
+        };
+        let weights = match form.reaction_cost {
+            ReactionCost::Table => "table",
+            ReactionCost::None => "none",
+        };
         let mut options: Vec<(&str, String)> = vec![
-            ("cost", name(&|| self.cost.to_possible_value())),
-            ("joint-weights", name(&|| self.joint_weights.to_possible_value())),
+            ("cost", cost.into()),
+            ("joint-weights", weights.into()),
             ("curves", name(&|| self.curves.to_possible_value())),
             ("tendon", name(&|| self.tendon.to_possible_value())),
             ("ankle", word(done.case.ankle).into()),
@@ -292,16 +309,16 @@ impl OptimizeArguments {
             Ankle::Universal => "universal (2 degrees of freedom)",
             Ankle::Parallel => "parallel (1 degree of freedom)",
         };
-        let cost = match self.cost {
-            CostChoice::Force => "squared forces",
-            CostChoice::Activation => "squared activations",
-            CostChoice::Volume => "squared activations, weighted by volume",
-        };
-        let joints = match self.joint_weights {
-            JointWeights::Table => "published weights (condition 2)",
-            JointWeights::None => "none (condition 1)",
-        };
         let form = self.form();
+        let cost = match form.muscle_cost {
+            MuscleCost::Force => "squared forces",
+            MuscleCost::Activation => "squared activations",
+            MuscleCost::Volume => "squared activations, weighted by volume",
+        };
+        let joints = match form.reaction_cost {
+            ReactionCost::Table => "published weights (condition 2)",
+            ReactionCost::None => "none (condition 1)",
+        };
         let bounds = match form.bounds {
             _ if self.unbounded => "none (published form)",
             Bounds::Strength => "maximal isometric forces of gait2392",
@@ -426,6 +443,7 @@ impl Leg {
             measured: self.done.measured.as_ref(),
             bands: self.done.bands.as_ref(),
             passive: self.done.passive.as_ref(),
+            emg: self.done.emg.as_deref(),
             gait2392: Some(&self.gait2392),
         }
     }
@@ -797,6 +815,25 @@ fn print(
                 a.peak_error_N,
                 a.peak_error_bw
             )?;
+        }
+    }
+    if let Some(compared) = &done.emg {
+        if let Some(overall) = emg::overall(compared) {
+            let n = compared.iter().filter(|c| c.defect.is_none()).count();
+            writeln!(
+                out,
+                "  concordance with EMG   {:.0} % of frames, mean of {n} of {} channels",
+                100.0 * overall,
+                compared.len()
+            )?;
+        }
+        for c in compared {
+            let said = match (c.defect, c.concordance) {
+                (Some(defect), _) => defect.words().to_string(),
+                (None, Some(part)) => format!("{:.0} %", 100.0 * part),
+                (None, None) => "-".into(),
+            };
+            writeln!(out, "    {:<20} {said} ({})", c.channel, c.muscles.join(" "))?;
         }
     }
     for note in warnings(done) {

@@ -150,6 +150,13 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
     write_if_any(out, &at("joint_force_bounds"), bands)?;
     let passive = report.passive.map(|passive| tables::passive_moments(time, passive));
     write_if_any(out, &at("passive_moments"), passive)?;
+    write_if_any(out, &at("emg"), report.emg.map(|compared| tables::emg(time, compared)))?;
+    match report.emg {
+        Some(compared) => {
+            out.write(&at("emg_concordance.csv"), |w| tables::write_concordance(w, compared))?;
+        }
+        None => out.remove(&at("emg_concordance.csv"))?,
+    }
     write_if_any(out, &at("measured_knee"), report.measured.map(tables::measured_knee))?;
 
     let side = report.trial.side;

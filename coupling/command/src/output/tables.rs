@@ -5,6 +5,7 @@
 
 use std::io::{self, Write};
 
+use multibody::emg::Compared;
 use multibody::loads::Loads;
 use multibody::trial::{Effort, Motion, Status, Table};
 
@@ -103,6 +104,29 @@ pub fn joint_force_bounds(time: &[f64], bands: &Table) -> Series {
 /// `passive_moments.csv`: passive joint moments \[N·m\] beside those of the resting muscles that force sharing knows.
 pub fn passive_moments(time: &[f64], passive: &Table) -> Series {
     Series::from_table(time, passive, 1.0, "_Nm")
+}
+
+/// `emg.csv`: envelope of every channel and force of its muscles, as fractions of their largest values.
+pub fn emg(time: &[f64], compared: &[Compared]) -> Series {
+    let columns = compared.iter().flat_map(|c| {
+        [(format!("{}_emg", c.channel), c.envelope.clone()), (format!("{}_force", c.channel), c.force.clone())]
+    });
+    Series { time: time.to_vec(), columns: columns.collect() }
+}
+
+/// `emg_concordance.csv`: a row per channel.
+pub fn write_concordance(out: &mut dyn Write, compared: &[Compared]) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(["channel", "muscles", "concordance", "defect"])?;
+    for c in compared {
+        csv.write_record([
+            c.channel.clone(),
+            c.muscles.join(" "),
+            cell(c.concordance.unwrap_or(f64::NAN)),
+            c.defect.map_or(String::new(), |defect| defect.words().into()),
+        ])?;
+    }
+    csv.flush()
 }
 
 /// `least_violation.csv`: muscle and joint forces \[N\] of the infeasible frames alone, which are no solution; `None` where there are none.

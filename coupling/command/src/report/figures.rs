@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use multibody::emg::{self, Compared};
 use multibody::share::BAND_NAMES;
 use multibody::sharing::KKT_TOLERANCE;
 use multibody::trial::{Status, Table, Verdict};
@@ -347,6 +348,40 @@ impl View<'_> {
             "Activation of each muscle at each frame.",
             &format!("{key}{}", grid("half", &figures)),
         )
+    }
+
+    /// Envelopes beside forces, each as a fraction of its largest value.
+    pub(super) fn emg(&self) -> String {
+        let Some(compared) = self.report.emg else { return String::new() };
+        let figure = |c: &Compared| {
+            let line = |name: &str, class, values: &[f64]| Line {
+                name: name.into(),
+                class,
+                time: None,
+                values: values.to_vec(),
+            };
+            let note = match (c.defect, c.concordance) {
+                (Some(defect), _) => defect.words().to_string(),
+                (None, Some(part)) => format!("{} %", fixed(100.0 * part, 0)),
+                (None, None) => "no solution".into(),
+            };
+            let lines = vec![line("EMG", "measured", &c.envelope), line("force", "c1", &c.force)];
+            Plot {
+                note,
+                size: Size::Small,
+                bound: Some((emg::ON, "on")),
+                ..self.plot(c.channel.clone(), ["part of the largest", ""], lines)
+            }
+            .render()
+        };
+        let mean = emg::overall(compared).map_or("–".into(), |part| fixed(100.0 * part, 0));
+        let lead = format!(
+            "Grey: envelope of the electromyogram (20 to 400 Hz, rectified, 6 Hz, delayed), blue: force of its muscles, each as a part of its largest value. \
+             Beside the name: fraction of frames in which both are on or both off, above and below the dashed line; in the mean of the channels without \
+             defect {mean} %."
+        );
+        let figures: Vec<String> = compared.iter().map(figure).collect();
+        section("Electromyography", &lead, &grid("small", &figures))
     }
 
     fn reactions_on(&self, panel: Panel) -> Vec<usize> {

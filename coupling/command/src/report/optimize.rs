@@ -22,6 +22,7 @@ pub fn optimize_page(report: &OptimizeReport) -> String {
         view.loads(),
         view.muscle_forces(),
         view.activations(),
+        view.emg(),
         view.other_forces(),
         view.reserves(),
         view.quality(),
