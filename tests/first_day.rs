@@ -588,7 +588,11 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     // A man who carries four of his kind: no muscle forces make his moments.
     let mut walking = Walking::new();
     walking.plates.iter_mut().flatten().for_each(|(f, _)| *f *= 4.0);
-    walking.replace("mass_kg = 70", "mass_kg = 280").write();
+    let samples: String = (0..3000).map(|k| format!("{},{}\n", 0.001 * k as f64 - 0.8, (k % 7) as f64)).collect();
+    let mut walking = walking.replace("mass_kg = 70", "mass_kg = 280");
+    walking.toml += "\n[emg]\nfile = \"emg.csv\"\n[emg.channels]\nc1 = \"soleus\"\n";
+    walking.write();
+    fs::write(walking.folder().join("emg.csv"), format!("time_s,c1\n{samples}")).unwrap();
     let trials = walking.folder();
     let folder = trials.parent().unwrap();
     let measured = "time_s,medial_N,lateral_N\n0.0,500,300\n0.3,900,500\n0.6,900,500\n1.2,500,300\n";
@@ -598,7 +602,8 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
     fs::write(folder.join("ladder.toml"), "scene = \"hill.toml\"\n[[axis]]\nname = \"mesh\"\nkey = \"resolution_mm\"\nvalues = [20.0, 14.0]\nerror = \"discretisation\"\n").unwrap();
     for arguments in [
-        &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv"][..],
+        &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv", "--bands"][..],
+        &["optimize", "--out", "i", "--knee", "implant", "--samples", "70"],
         &["compare", "hill.toml", "--out", "c"],
         &["compare", "hill.toml", "--out", "w", "--two-way", "--passes", "2"],
         &["optimize", "trials/walk.toml", "--out", "v"],
@@ -619,7 +624,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "v", "c", "w", "t", "m", "s", "r", "l"] {
+    for part in ["o", "i", "v", "c", "w", "t", "m", "s", "r", "l"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

@@ -24,6 +24,7 @@ pub mod form;
 pub mod measured;
 pub mod number;
 pub mod optimize;
+pub mod samples;
 pub mod scene;
 pub mod solve;
 pub mod steps;

@@ -11,9 +11,9 @@ use multibody::calibration::{calibrate, functional::Quality};
 use multibody::capability::{Follows, capacities};
 use multibody::loads::{Loads, loads};
 use multibody::emg;
-use multibody::model::{Ankle, KneeKind, Model};
+use multibody::model::{Ankle, KneeKind, Model, ModelError};
 use multibody::motion::track;
-use multibody::muscle::hill::{self, HillResult};
+use multibody::muscle::hill::{self, HillError, HillResult};
 use multibody::passive;
 use multibody::read::read_knee_forces;
 use multibody::share::{SharingSettings, bands, share_each};
@@ -51,9 +51,12 @@ pub struct OptimizeOptions {
     pub measured: Option<PathBuf>,
     /// Least and greatest joint forces over all admissible sharings are wanted, too.
     pub bands: bool,
+    /// How often the trial is computed with inputs that scatter ([`crate::samples`]); `None`: not at all.
+    pub samples: Option<usize>,
 }
 
 /// A trial with its anatomy and choices, before anything is computed.
+#[derive(Clone)]
 pub struct Case {
     /// The trial.
     pub trial: Trial,
@@ -263,32 +266,14 @@ pub fn solve(
         clock = Instant::now();
     };
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
-    let form = &options.form;
-    let mut model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?.with_knee(case.knee);
-    if form.wrapped {
-        model = model.with_wrapped_muscles();
-    }
+    let model = model_of(&case, &options.form)?;
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);
     lap("marker fit");
     let mut loads = loads(&model, &motion, &case.trial, &case.filters);
     lap("loads");
-    let follows = Follows { greatest: form.bounds == Bounds::State, least: form.passive.of_muscles() };
-    let has_state = follows.greatest || follows.least;
-    let postures =
-        if has_state || form.passive.of_joints() { generic_postures(&model, &motion) } else { Vec::new() };
-    let capacity = if has_state {
-        capacities(&model, &motion, &postures, &options.hill, follows)?
-    } else {
-        vec![Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect())]
-    };
-    let at = |frame: usize| &capacity[if has_state { frame } else { 0 }];
-    let passive = form.passive.of_joints().then(|| {
-        // A cycle is walked upright; otherwise the pelvis is upright where its spines are level.
-        let upright = if case.is_cycle { passive::upright_tilt(&motion) } else { 0.0 };
-        let muscles = follows.least.then_some(capacity.as_slice());
-        passive::relieve(&mut loads, &model.coordinate_names(), &postures, upright, muscles)
-    });
+    let known = Known::new(&model, &motion, &mut loads, case.is_cycle, options)?;
+    let at = |frame: usize| known.capacity(frame);
     let mut effort = share_each(&model, &motion, &loads, at, &options.sharing)?;
     lap("sharing");
     let bands = options.bands.then(|| {
@@ -305,7 +290,56 @@ pub fn solve(
         Err(why @ MeasuredError::Unsolved { .. }) => (None, Some(why.to_string())),
         Err(bad) => return Err(bad.into()),
     };
+    let passive = known.passive;
     Ok(Optimized { case, model, motion, loads, effort, hill, bands, passive, emg, measured, not_compared, stages })
+}
+
+/// The leg of a case in a form.
+pub(crate) fn model_of(case: &Case, form: &Form) -> Result<Model, ModelError> {
+    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?.with_knee(case.knee);
+    Ok(if form.wrapped { model.with_wrapped_muscles() } else { model })
+}
+
+/// What force sharing knows of muscles and joints beside the loads.
+pub(crate) struct Known {
+    /// One for all frames, or one per reported frame.
+    pub capacities: Vec<Capacity>,
+    /// Passive moments that were taken off the loads.
+    pub passive: Option<Table>,
+}
+
+impl Known {
+    /// Capacities in the form of `options`; passive moments come off the `loads`.
+    pub fn new(
+        model: &Model,
+        motion: &Motion,
+        loads: &mut Loads,
+        is_cycle: bool,
+        options: &OptimizeOptions,
+    ) -> Result<Known, HillError> {
+        let form = &options.form;
+        let follows = Follows { greatest: form.bounds == Bounds::State, least: form.passive.of_muscles() };
+        let has_state = follows.greatest || follows.least;
+        let postures =
+            if has_state || form.passive.of_joints() { generic_postures(model, motion) } else { Vec::new() };
+        let capacities = if has_state {
+            capacities(model, motion, &postures, &options.hill, follows)?
+        } else {
+            vec![Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect())]
+        };
+        let passive = form.passive.of_joints().then(|| {
+            // A cycle is walked upright; otherwise the pelvis is upright where its spines are level.
+            let upright = if is_cycle { passive::upright_tilt(motion) } else { 0.0 };
+            let muscles = follows.least.then_some(capacities.as_slice());
+            passive::relieve(loads, &model.coordinate_names(), &postures, upright, muscles)
+        });
+        Ok(Known { capacities, passive })
+    }
+
+    /// Capacity of a reported frame.
+    pub fn capacity(&self, frame: usize) -> &Capacity {
+        &self.capacities[if self.capacities.len() > 1 { frame } else { 0 }]
+    }
 }
 
 fn source_name(source: &trial_file::Landmarks) -> &'static str {

@@ -82,7 +82,7 @@ fn answers_of_any_cost_lie_in_the_band_and_some_come_near_its_ends() {
         let posed = problem(model, &done.loads, k, &capacity, &settings).unwrap();
         for round in 0..12 {
             let mut other = posed.clone();
-            other.w_f = DVector::from_fn(43, |_, _| random.power(1e-3, 1e3));
+            other.w_f = DVector::from_fn(43, |_, _| random.power(-3.0, 3.0));
             // Every fourth cost wants the total small above all.
             other.w_x.fill(0.0);
             if round % 4 == 0 {

@@ -5,7 +5,7 @@
 use multibody::anatomy::{Anatomy, lay_over};
 use multibody::calibration::clusters::pose;
 use multibody::calibration::functional::{self, Recording};
-use multibody::calibration::knee_centre::{DISTANCE, KneeCentre};
+use multibody::calibration::knee_centre::{DISTANCE, HEIGHT, KneeCentre};
 use multibody::calibration::{HipCentre, Path, Spines, calibrate, path};
 use multibody::kinematics::zxy_angles;
 use multibody::natural::{Pose, SegmentId};
@@ -34,7 +34,7 @@ fn sliding(slide: [f64; 2]) -> (Recording, Anatomy) {
     let cluster = |s: SegmentId| &anatomy.clusters[s.index()];
     let posed = |trial: &Trial, s: SegmentId, k: usize| pose(cluster(s), &trial.markers, s, k).unwrap();
     let leg = anatomy.thigh.knee.norm() + anatomy.shank.ankle.norm();
-    let patella_local = anatomy.thigh.knee + Vector3::new(DISTANCE * leg, -0.005, 0.0);
+    let patella_local = anatomy.thigh.knee + Vector3::new(DISTANCE * leg, -HEIGHT * leg, 0.0);
     let mut tracks: Vec<MarkerTrack> = trial.markers.clone();
     let mut patella = Path::new();
     for k in 0..trial.time.len() {
@@ -61,39 +61,40 @@ fn sliding(slide: [f64; 2]) -> (Recording, Anatomy) {
 }
 
 #[test]
-fn skin_that_slides_along_the_thigh_moves_the_centre_by_less_than_5_mm() {
-    for slide in [-0.025, -0.018, -0.010, 0.0, 0.010, 0.018, 0.025] {
-        let (recording, truth) = sliding([0.0, slide]);
+fn skin_that_slides_moves_the_centre_by_less_than_5_mm() {
+    let along = [-0.025, -0.018, -0.010, 0.0, 0.010, 0.018, 0.025].map(|s| [0.0, s]);
+    let across = [-0.025, -0.010, 0.010, 0.025].map(|s| [s, 0.0]);
+    for slide in along.into_iter().chain(across) {
+        let (recording, truth) = sliding(slide);
         let found = |rule| {
             let recordings = std::slice::from_ref(&recording);
             functional::anatomy(recordings, HipCentre::Given(HIP), rule, Sex::Male).unwrap()
         };
         let (as_found, _) = found(KneeCentre::AsFound);
         let (corrected, quality) = found(KneeCentre::ByPatella(None));
-        let flat = |e: Vector3<f64>| e.xy().norm();
-        let (before, after) = (error(&as_found, &truth), error(&corrected, &truth));
-        println!("slide {:5.1} mm: {:5.1} mm before, {:4.1} mm after", 1e3 * slide, 1e3 * flat(before), 1e3 * flat(after));
-        assert!(flat(after) < 5e-3, "slide {slide}: {after}");
-        if slide.abs() >= 0.018 {
-            assert!(flat(before) > 10e-3, "slide {slide}: without correction the centre is off by {before}");
+        let flat = |e: Vector3<f64>| 1e3 * e.xy().norm();
+        let (before, after) = (flat(error(&as_found, &truth)), flat(error(&corrected, &truth)));
+        println!("slide {slide:?} m: {before:5.1} mm before, {after:4.1} mm after");
+        assert!(after < 5.0, "slide {slide:?}: {after}");
+        if slide[0].hypot(slide[1]) >= 0.018 {
+            assert!(before > 10.0, "slide {slide:?}: without correction the centre is off by {before} mm only");
         }
         // The correction that is reported is the one that was made.
         let said = quality.knee_centre.unwrap();
         let made = (corrected.thigh.knee - as_found.thigh.knee).norm();
-        assert!((said.moved().abs() - made).abs() < 1e-3, "{said:?} {made}");
+        assert!((said.moved[0].hypot(said.moved[1]) - made).abs() < 1e-4, "{said:?} {made}");
+        assert!(said.is_plausible());
     }
 }
 
-/// Slides across the thigh move the axis along it: forward the centre stays right, up it does not. The page of limits says so.
+/// A marker that is not on the patella asks for more than skin explains.
 #[test]
-fn skin_that_slides_across_the_thigh_is_corrected_forward_only() {
-    for slide in [0.010, 0.018] {
-        let (recording, truth) = sliding([slide, 0.0]);
-        let (found, _) =
-            functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::ByPatella(None), Sex::Male).unwrap();
-        let off = error(&found, &truth);
-        assert!(off.x.abs() < 5e-3 && off.y.abs() > 0.5 * slide, "slide {slide}: {off}");
-    }
+fn a_marker_elsewhere_is_noticed() {
+    let (mut recording, _) = sliding([0.0, 0.0]);
+    recording.patella = recording.patella.iter().map(|p| p.map(|p| p + Vector3::new(0.0, 0.06, 0.0))).collect();
+    let rule = KneeCentre::ByPatella(None);
+    let (_, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), rule, Sex::Male).unwrap();
+    assert!(!quality.knee_centre.unwrap().is_plausible());
 }
 
 #[test]
@@ -133,7 +134,7 @@ fn on_subject_dm_the_centre_comes_nearer_to_the_table() {
         let (before, after) = (of(motions, KneeRule::Functional), of(motions, KneeRule::Patella));
         let mm = |e: Vector3<f64>| format!("{:.1} forward, {:.1} up", 1e3 * e.x, 1e3 * e.y);
         println!("{motions:?}: {} mm before, {} mm after", mm(before), mm(after));
-        assert!(before.x > 8e-3 && after.x.abs() < 4e-3, "{motions:?}: {before} {after}");
-        assert!(after.xy().norm() < before.xy().norm() - 3e-3, "{motions:?}");
+        assert!(before.x > 8e-3 && before.y > 8e-3, "{motions:?}: {before}");
+        assert!(after.xy().norm() < 5e-3, "{motions:?}: {after}");
     }
 }

@@ -2,10 +2,12 @@
 
 #![allow(non_snake_case)]
 
+use std::cell::Cell;
+
 use multibody::anatomy::rotation;
 use multibody::kinematics::coupled_leg;
 use multibody::model::{Ankle, Model};
-use multibody::natural::{Coordinates, Pose, SegmentId};
+use multibody::natural::{Coordinates, End, Pose, SegmentId, block};
 use multibody::walker::{Knee, walker};
 use nalgebra::{Matrix3, Vector3};
 use support::motion_cases::fitted;
@@ -15,6 +17,8 @@ pub struct Leg {
     pub model: Model,
     /// A fitted posture in mid-stance, from which others are made.
     rest: Coordinates,
+    /// The last knee angle with the poses of shank and patella that belong to it.
+    last: Cell<Option<(f64, [Pose; 2])>>,
 }
 
 /// Hip flexion, adduction, rotation; knee flexion; ankle flexion and inversion, as turns from the posture at rest \[rad\]; the knee angle counts from
@@ -31,7 +35,7 @@ impl Leg {
         let (trial, _, frames) = fitted(Knee::Hinge, Ankle::Universal);
         let (_, anatomy) = walker(Knee::Hinge);
         let model = change(Model::new(&trial, anatomy, Ankle::Universal).unwrap());
-        Leg { model, rest: frames[trial.report.start + 30].Q }
+        Leg { model, rest: frames[trial.report.start + 30].Q, last: Cell::new(None) }
     }
 
     fn write(&self, segment: SegmentId, pose: &Pose, Q: &mut Coordinates) {
@@ -50,11 +54,12 @@ impl Leg {
         let R = turn(axis(2), flexion) * turn(axis(0), adduction) * turn(axis(1), inward) * thigh.R;
         let thigh = Pose { R, p: thigh.p };
         self.write(Thigh, &thigh, &mut Q);
-        let end = {
-            let [rD] = [multibody::natural::block(&Q, Thigh.block(2))];
-            rD
+        let end = block(&Q, Thigh.block(2));
+        let [shank, patella] = match self.last.get() {
+            Some((knee, poses)) if knee == turns.knee => poses,
+            _ => coupled_leg(&self.model.shapes, turns.knee).expect("the patella has a place"),
         };
-        let [shank, patella] = coupled_leg(&self.model.shapes, turns.knee).expect("the patella has a place");
+        self.last.set(Some((turns.knee, [shank, patella])));
         let placed = |local: &Pose| Pose { R: thigh.R * local.R, p: end + thigh.R * local.p };
         let new_shank = placed(&shank);
         self.write(Shank, &new_shank, &mut Q);
@@ -81,7 +86,7 @@ impl Leg {
         shape.write(SegmentId::Shank, shank, &mut Q);
         let scale = shape.L / multibody::joint::GENERIC_SHANK;
         let local = scale * table.point("ankle_universal", "joint point on shank");
-        let joint = shape.point(SegmentId::Shank, &local, multibody::natural::End::Distal).at(&Q);
+        let joint = shape.point(SegmentId::Shank, &local, End::Distal).at(&Q);
         let talocrural = shank.R * table.point("ankle_universal", "talocrural axis").normalize();
         let subtalar = foot.R * table.point("ankle_universal", "subtalar axis").normalize();
         (joint, talocrural, subtalar)

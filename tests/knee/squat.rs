@@ -9,7 +9,7 @@ use multibody::natural::{Coordinates, SegmentId, block};
 use multibody::share::{SharingSettings, names, reactions_of};
 use multibody::sharing::{Capacity, MuscleCost, SharingOptions, SharingProblem, SharingSolver, muscle_weights};
 use multibody::trial::Status;
-use nalgebra::{DVector, Vector3};
+use nalgebra::DVector;
 
 use super::postures::{Leg, Turns};
 
@@ -71,5 +71,4 @@ fn every_frame_of_a_squat_to_100_degrees_is_solved_with_a_prosthesis() {
     }
     println!("knee force up to {peak:.2} body weights");
     assert!(peak < 6.0, "{peak}");
-    let _ = Vector3::<f64>::zeros();
 }

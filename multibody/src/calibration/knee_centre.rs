@@ -1,12 +1,12 @@
 //! The knee centre of a functional calibration, corrected for the motion of skin.
 //!
-//! Skin slides along the thigh as the knee bends. A rotation by a small angle φ with a slide s φ along the thigh looks like the same rotation
-//! about an axis that is s farther forward, so the residual of the calibration does not show it. On subject DM, whose knee centre is tabulated, the
-//! functional axis lies 11 mm too far forward and 11 mm too far up; on JW 11 mm too far forward.
+//! Skin slides on the thigh as the knee bends. A rotation by a small angle φ with a slide s φ looks like the same rotation about another axis: a slide along
+//! the thigh moves it forward by s, one across the thigh moves it along the thigh. So the residual of the calibration does not show it. On subject DM,
+//! whose knee centre is tabulated, the functional axis lies 11 mm too far forward and 11 mm too far up.
 //!
-//! The distance from the knee centre to a marker on the patella, along the forward axis of the thigh with the knee nearly straight, does not
-//! hang on that slide. It is taken as a fraction of the length of the leg, or as measured on the subject, and the centre is moved along the forward axis.
-//! A slide *across* the thigh moves the axis up or down instead; that is not corrected.
+//! A marker on the patella with the knee nearly straight does not hang on that slide. The centre is put where it is from that marker in
+//! subjects whose knee centre is known: backward along the forward axis of the thigh, and up along the thigh, in lengths of the leg. The direction of the axis,
+//! and the place along it, stay those of the motion.
 
 #![allow(non_snake_case)]
 
@@ -17,15 +17,19 @@ use nalgebra::{Matrix3, Vector3};
 pub enum KneeCentre {
     /// On the axis of rotation as found.
     AsFound,
-    /// Moved along the forward axis of the thigh to this distance from the patella marker \[m\]; `None`: [`DISTANCE`] lengths of the leg.
+    /// Moved in the sagittal plane of the thigh to its place behind the patella marker: this distance along the forward axis \[m\], `None`:
+    /// [`DISTANCE`] lengths of the leg; and [`HEIGHT`].
     ByPatella(Option<f64>),
 }
 
 /// Distance from knee centre to patella marker along the forward axis, in lengths of the leg (thigh and shank, which do not change where the knee
 /// centre is put along the leg): 70.6 mm of 822.3 mm in the three recordings of subject DM with the tabulated knee centre (72, 70 and 70 mm).
-/// Two sets of bone surfaces bracket it: 50 and 65 mm of bone in front of the midpoint of the epicondyles or of the collateral ligaments'
+/// Two sets of bone surfaces bracket it: 50 and 61 mm of bone in front of the midpoint of the epicondyles or of the collateral ligaments'
 /// attachments, and some 12 mm of skin and marker.
 pub const DISTANCE: f64 = 0.0859;
+/// Height of the knee centre above the patella marker, in lengths of the leg: 5.0 mm in the same recordings (4.4, 3.8 and 6.7 mm). Of one set of
+/// bone surfaces it is 5 mm, between the centroid of the patella and the collateral ligaments' attachments.
+pub const HEIGHT: f64 = 0.0060;
 /// The knee is nearly straight within this angle from its straightest frame \[rad\].
 const NEARLY_STRAIGHT: f64 = 15.0 * std::f64::consts::PI / 180.0;
 /// A correction beyond this is more than skin explains \[m\]: thigh clusters slide by some 18 mm and deform by up to 16 mm (fluoroscopy,
@@ -39,14 +43,16 @@ pub struct Correction {
     pub found: f64,
     /// The distance that was asked for \[m\].
     pub distance: f64,
+    /// How far the centre was moved backward and down \[m\].
+    pub moved: [f64; 2],
     /// Knee centre in the thigh after it \[m\].
     pub knee: Vector3<f64>,
 }
 
 impl Correction {
-    /// How far backward the centre was moved \[m\].
-    pub fn moved(&self) -> f64 {
-        self.distance - self.found
+    /// Whether skin explains it.
+    pub fn is_plausible(&self) -> bool {
+        self.moved[0].hypot(self.moved[1]) <= PLAUSIBLE
     }
 }
 
@@ -58,7 +64,7 @@ pub struct Frame {
     pub patella: Option<Vector3<f64>>,
 }
 
-/// Moves `knee`, a point of the axis `w` (to the right), backward from the patella marker; all in the thigh \[m\]. `shank`: length of the shank \[m\].
+/// Moves `knee`, a point of the axis `w` (to the right), to its place behind the patella marker; all in the thigh \[m\]. `shank`: length of the shank \[m\].
 /// `None` where no nearly straight
 /// frame shows the marker.
 pub fn correct(
@@ -85,17 +91,25 @@ pub fn correct(
         return None;
     }
     let patella = seen.iter().sum::<Vector3<f64>>() / seen.len() as f64;
-    let forward = |knee: &Vector3<f64>| (hip - knee).cross(w).normalize();
-    let found = (patella - knee).dot(&forward(knee));
+    // Forward, and up along the thigh, both normal to the axis.
+    let axes = |knee: &Vector3<f64>| {
+        let forward = (hip - knee).cross(w).normalize();
+        [forward, w.cross(&forward).normalize()]
+    };
+    let [forward, up] = axes(knee);
+    let found = (patella - knee).dot(&forward);
     let mut moved = *knee;
     let mut wanted = found;
-    // The forward axis turns a little as the centre moves along it.
+    // The axes turn a little as the centre moves.
     for _ in 0..PASSES {
-        wanted = distance.unwrap_or(DISTANCE * ((hip - moved).norm() + shank));
-        let x = forward(&moved);
-        moved += ((patella - moved).dot(&x) - wanted) * x;
+        let leg = (hip - moved).norm() + shank;
+        wanted = distance.unwrap_or(DISTANCE * leg);
+        let [x, y] = axes(&moved);
+        let gap = patella - moved;
+        moved += (gap.dot(&x) - wanted) * x + (gap.dot(&y) + HEIGHT * leg) * y;
     }
-    Some(Correction { found, distance: wanted, knee: moved })
+    let way = moved - knee;
+    Some(Correction { found, distance: wanted, moved: [-way.dot(&forward), -way.dot(&up)], knee: moved })
 }
 
 /// Passes of moving and turning; each leaves a thousandth of the error of the one before.

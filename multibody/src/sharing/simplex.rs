@@ -100,10 +100,17 @@ impl Polytope {
         }
         let mut t = self.start.clone();
         let mut idle = 0;
+        let mut is_fresh = false;
         for _ in 0..MOST_STEPS {
             let Some((j, direction)) = self.entering(&t, c, scale, idle > PATIENCE) else {
-                return self.proved(&t, c);
+                // Round-off of the pivots must not end the search: the tableau is made anew before the end counts.
+                if is_fresh || !self.refresh(&mut t) {
+                    return self.proved(&t, c);
+                }
+                is_fresh = true;
+                continue;
             };
+            is_fresh = false;
             let Some(length) = self.step(&mut t, j, direction) else { return Least::Unbounded };
             idle = if length > 0.0 { 0 } else { idle + 1 };
         }
@@ -163,6 +170,26 @@ impl Polytope {
             None => t.z[j] = if direction > 0.0 { self.upper[j] } else { self.lower[j] },
         }
         Some(length)
+    }
+
+    /// The tableau and the basic variables of the same basis, from the rows as posed; false where the basis is singular to round-off.
+    fn refresh(&self, t: &mut Tableau) -> bool {
+        let rows: Vec<(usize, usize)> =
+            t.basis.iter().enumerate().filter_map(|(row, k)| Some((row, (*k)?))).collect();
+        let posed = |j: usize| DVector::from_fn(rows.len(), |i, _| self.A[(rows[i].0, j)]);
+        let B = DMatrix::from_columns(&rows.iter().map(|(_, k)| posed(*k)).collect::<Vec<_>>());
+        let lu = B.lu();
+        let mut right = DVector::from_fn(rows.len(), |i, _| self.b[rows[i].0]);
+        for j in (0..t.z.len()).filter(|&j| !t.is_basic[j]) {
+            right.axpy(-t.z[j], &posed(j), 1.0);
+        }
+        let N = DMatrix::from_columns(&(0..t.z.len()).map(posed).collect::<Vec<_>>());
+        let (Some(z), Some(T)) = (lu.solve(&right), lu.solve(&N)) else { return false };
+        for (i, &(row, k)) in rows.iter().enumerate() {
+            t.z[k] = z[i].clamp(self.lower[k], self.upper[k]);
+            t.T.row_mut(row).copy_from(&T.row(i));
+        }
+        true
     }
 
     /// Weak duality: with any multipliers y, no admissible point gives less than bᵀy + Σ min over l ≤ z ≤ u of (c − Aᵀy)_j z_j.

@@ -238,7 +238,7 @@ pub enum HipRule {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum KneeRule {
-    /// As far behind the patella marker as in subjects whose knee centre is known.
+    /// Where it is from the patella marker in subjects whose knee centre is known.
     #[default]
     Patella,
     /// On the axis of rotation as found.

@@ -2,10 +2,10 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
-use multibody::calibration::knee_centre::PLAUSIBLE;
 use multibody::emg;
 use multibody::error::Mistakes;
 use multibody::model::{Ankle, KneeKind};
@@ -35,6 +35,7 @@ use crate::report::{MuscleInfo, OptimizeReport, Summary};
 use coupling::error::StudyError;
 use coupling::form::{Bounds, Form, Passive};
 use coupling::number::{plain, short};
+use coupling::samples::{self, Samples};
 use coupling::optimize::{Case, OptimizeOptions, Optimized, optimize_with, sides, solve, stages};
 use coupling::subject::{who, words};
 
@@ -69,6 +70,10 @@ pub struct OptimizeArguments {
     /// Least and greatest joint forces over all admissible sharings, whatever they cost: joint_force_bounds.csv, and bands in the figures.
     #[arg(long)]
     bands: bool,
+    /// How sure the knee forces are: compute the trial at least this often with landmarks, strengths, masses, markers and costs that scatter;
+    /// joint_force_samples.csv, samples.csv, sobol.csv and a section of the page. Every other frame is computed.
+    #[arg(long, value_name = "N")]
+    samples: Option<usize>,
     /// What muscle forces cost: squared forces, squared activations, or squared activations weighted by volume
     /// [default: volume; force with --form published].
     #[arg(long, value_enum)]
@@ -185,6 +190,10 @@ impl OptimizeArguments {
         };
         positive("reserves", self.reserves, f64::MIN_POSITIVE)?;
         positive("raise-bounds", self.raise_bounds, 1.0)?;
+        if let Some(n) = self.samples.filter(|n| !(samples::LEAST..=MOST_SAMPLES).contains(n)) {
+            let least = samples::LEAST;
+            return Err(CommandError::Option(format!("--samples is {n}; give {least} to {MOST_SAMPLES}")));
+        }
         Ok(OptimizeOptions {
             trial: self.trial.as_deref().map(find_trial).transpose()?,
             data: self.data.clone(),
@@ -199,6 +208,7 @@ impl OptimizeArguments {
             }),
             form: self.form(),
             bands: self.bands,
+            samples: self.samples,
             sharing: SharingSettings {
                 muscle_cost: self.form().muscle_cost,
                 reaction_cost: self.form().reaction_cost,
@@ -299,6 +309,7 @@ impl OptimizeArguments {
         again.arguments.extend(options.into_iter().map(|(option, value)| format!("--{option}={value}")));
         again.arguments.extend(self.unbounded.then(|| "--unbounded".into()));
         again.arguments.extend(self.bands.then(|| "--bands".into()));
+        again.arguments.extend(self.samples.map(|n| format!("--samples={n}")));
         again
     }
 
@@ -380,9 +391,10 @@ fn knee_centre(done: &Optimized) -> String {
         None => "as the landmarks have it".into(),
         Some(None) => "on the functional axis".into(),
         Some(Some(c)) => format!(
-            "{} mm behind the patella marker; the functional axis moved {} mm backward",
+            "{} mm behind the patella marker; {} mm backward and {} mm down from the functional axis",
             mm(c.distance),
-            mm(c.moved())
+            mm(c.moved[0]),
+            mm(c.moved[1])
         ),
     }
 }
@@ -399,6 +411,7 @@ pub(super) fn find_trial(given: &Path) -> Result<PathBuf, CommandError> {
 /// A leg that was computed, with everything that its report borrows.
 struct Leg {
     done: Optimized,
+    samples: Option<(Samples, Duration)>,
     settings: Vec<(String, String)>,
     muscles: Vec<MuscleInfo>,
     cycle: Option<[f64; 2]>,
@@ -409,14 +422,21 @@ struct Leg {
 }
 
 impl Leg {
-    fn of(done: Optimized, arguments: &OptimizeArguments) -> Leg {
+    fn of(
+        done: Optimized,
+        options: &OptimizeOptions,
+        arguments: &OptimizeArguments,
+    ) -> Result<Leg, StudyError> {
         let info = |(muscle, fractions): (&Muscle, &Fractions)| MuscleInfo {
             full_name: muscle.full_name.clone(),
             f_max: muscle.f_max,
             clipped: Some(fractions.below_zero + fractions.above_one),
         };
         let time = &done.effort.time;
-        Leg {
+        let clock = Instant::now();
+        let sampled = options.samples.map(|n| samples::samples(&done.case, options, n)).transpose()?;
+        Ok(Leg {
+            samples: sampled.map(|samples| (samples, clock.elapsed())),
             settings: arguments.settings(&done),
             muscles: done.model.muscles.iter().zip(&done.hill.fractions).map(info).collect(),
             cycle: (done.case.is_cycle && time.len() > 1).then(|| [time[0], time[time.len() - 1]]),
@@ -425,7 +445,7 @@ impl Leg {
             notes: notes(&done),
             gait2392: opensim::motion(&done.model, &done.motion, done.case.trial.side),
             done,
-        }
+        })
     }
 
     fn report(&self) -> OptimizeReport<'_> {
@@ -444,6 +464,7 @@ impl Leg {
             bands: self.done.bands.as_ref(),
             passive: self.done.passive.as_ref(),
             emg: self.done.emg.as_deref(),
+            samples: self.samples.as_ref().map(|(samples, _)| samples),
             gait2392: Some(&self.gait2392),
         }
     }
@@ -458,9 +479,13 @@ pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, Comman
     if sides(&options)?.len() > 1 {
         return run_both(arguments, &options, claim, quiet);
     }
-    let stages: Vec<&str> = stages(&options).into_iter().chain(["write"]).collect();
+    let stages: Vec<&str> = with_samples(&options).into_iter().chain(["write"]).collect();
     let mut progress = Progress::new(&stages, quiet);
-    let leg = Leg::of(optimize_with(&options, &mut |stage| progress.lap(stage))?, arguments);
+    let done = optimize_with(&options, &mut |stage| progress.lap(stage))?;
+    let leg = Leg::of(done, &options, arguments)?;
+    if options.samples.is_some() {
+        progress.lap(SAMPLES);
+    }
     let report = leg.report();
     let folder = claim.path();
     let summary = Summary::of(&report);
@@ -471,6 +496,16 @@ pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, Comman
     say(arguments.json, &summary, |out| print(out, &leg.done, &summary, &folder, files.len()));
     Ok(outcome(&[&summary]))
 }
+
+/// Stages of one leg.
+fn with_samples(options: &OptimizeOptions) -> Vec<&'static str> {
+    stages(options).into_iter().chain(options.samples.map(|_| SAMPLES)).collect()
+}
+
+/// Stage of the samples.
+const SAMPLES: &str = "samples";
+/// More samples would take hours.
+const MOST_SAMPLES: usize = 1_000_000;
 
 /// Both legs of a trial: a folder for each, and a page of both.
 fn run_both(
@@ -486,7 +521,7 @@ fn run_both(
         ..options.clone()
     };
     let of_leg = |side: Side, stage: &str| format!("{} {stage}", side.name());
-    let of_one = stages(options);
+    let of_one = with_samples(options);
     let mut stages = vec![of_one[0].to_string()];
     stages.extend(SIDES.iter().flat_map(|side| of_one[1..].iter().map(|stage| of_leg(*side, stage))));
     stages.push("write".into());
@@ -496,7 +531,12 @@ fn run_both(
     let mut legs = Vec::new();
     for (case, side) in cases.into_iter().zip(SIDES) {
         let done = solve(case, &of_side(side), &mut |stage| progress.lap(&of_leg(side, stage)));
-        legs.push(Leg::of(done.map_err(|error| stopped(side, error))?, arguments));
+        let done = done.map_err(|error| stopped(side, error))?;
+        let leg = Leg::of(done, &of_side(side), arguments).map_err(|error| stopped(side, error))?;
+        if options.samples.is_some() {
+            progress.lap(&of_leg(side, SAMPLES));
+        }
+        legs.push(leg);
     }
     let reports = [legs[0].report(), legs[1].report()];
     let verdict = BothLegs::of(&reports);
@@ -592,6 +632,9 @@ fn record(arguments: &OptimizeArguments, legs: &[(&Leg, &Summary)]) -> Result<Ru
         for (name, took) in &done.stages {
             record.stage(&of_leg(name), *took);
         }
+        if let Some((_, took)) = &leg.samples {
+            record.stage(&of_leg(SAMPLES), *took);
+        }
         let fit: usize = done.motion.fit.iter().map(|f| f.iterations).sum();
         let sharing: u64 = done.effort.verdicts.iter().map(|v| u64::from(v.iterations)).sum();
         record.iterations.insert(of_leg("marker fit"), fit as u64);
@@ -636,6 +679,9 @@ fn left_out(arguments: &OptimizeArguments, done: &Optimized) -> Vec<(String, Str
     }
     if !form.passive.of_joints() {
         list.push(("Passive joint moments".to_string(), "not asked for (--passive)".to_string()));
+    }
+    if arguments.samples.is_none() {
+        list.push(("Scatter of the inputs".to_string(), "not asked for (--samples)".to_string()));
     }
     if !arguments.bands {
         list.push(("Bands of joint forces".to_string(), "not asked for (--bands)".to_string()));
@@ -684,14 +730,14 @@ fn warnings(done: &Optimized) -> Vec<String> {
             q.ankle_range.to_degrees()
         ));
         if let Some(c) = &q.knee_centre {
-            let word = if c.moved().abs() > PLAUSIBLE {
-                " That is more than skin explains: check which marker is the patella's, and the distance."
-            } else {
+            let word = if c.is_plausible() {
                 ""
+            } else {
+                " That is more than skin explains: check which marker is the patella's, and the distance."
             };
+            let [back, down] = c.moved.map(mm);
             notes.push(format!(
-                "The knee centre was moved {} mm backward along the thigh's forward axis, to {} mm from the patella marker, because skin that slides moves a functional axis forward.{word}",
-                mm(c.moved()),
+                "The knee centre was moved {back} mm backward and {down} mm down from the functional axis, to {} mm behind the patella marker, because skin that slides moves a functional axis.{word}",
                 mm(c.distance)
             ));
         }

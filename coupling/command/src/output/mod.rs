@@ -157,6 +157,17 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
         }
         None => out.remove(&at("emg_concordance.csv"))?,
     }
+    write_if_any(out, &at("joint_force_samples"), report.samples.map(tables::sampled_forces))?;
+    match report.samples {
+        Some(samples) => {
+            out.write(&at("samples.csv"), |w| tables::write_samples(w, samples))?;
+            out.write(&at("sobol.csv"), |w| tables::write_sobol(w, samples))?;
+        }
+        None => {
+            out.remove(&at("samples.csv"))?;
+            out.remove(&at("sobol.csv"))?;
+        }
+    }
     write_if_any(out, &at("measured_knee"), report.measured.map(tables::measured_knee))?;
 
     let side = report.trial.side;

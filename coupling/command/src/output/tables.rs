@@ -10,6 +10,7 @@ use multibody::loads::Loads;
 use multibody::trial::{Effort, Motion, Status, Table};
 
 use coupling::measured::Overlay;
+use coupling::samples::{PEAKS, Samples};
 
 /// Named columns over time, as they stand in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -125,6 +126,32 @@ pub fn write_concordance(out: &mut dyn Write, compared: &[Compared]) -> io::Resu
             cell(c.concordance.unwrap_or(f64::NAN)),
             c.defect.map_or(String::new(), |defect| defect.words().into()),
         ])?;
+    }
+    csv.flush()
+}
+
+/// `joint_force_samples.csv`: the knee forces of nineteen of twenty samples \[N\].
+pub fn sampled_forces(samples: &Samples) -> Series {
+    Series::from_table(&samples.time, &samples.bands, 1.0, "_N")
+}
+
+/// `samples.csv`: the largest knee forces of every independent sample \[N\].
+pub fn write_samples(out: &mut dyn Write, samples: &Samples) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(std::iter::once("sample".to_string()).chain(PEAKS.map(|name| format!("{name}_peak_N"))))?;
+    for (k, peaks) in samples.peaks.iter().enumerate() {
+        csv.write_record(std::iter::once(k.to_string()).chain(peaks.iter().map(|v| cell(*v))))?;
+    }
+    csv.flush()
+}
+
+/// `sobol.csv`: where the scatter of the largest knee forces comes from.
+pub fn write_sobol(out: &mut dyn Write, samples: &Samples) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(["force", "inputs", "first_order", "first_order_error", "total", "total_error"])?;
+    for i in &samples.indices {
+        let numbers = [i.first[0], i.first[1], i.total[0], i.total[1]].map(cell);
+        csv.write_record([i.quantity.to_string(), i.group.to_string()].into_iter().chain(numbers))?;
     }
     csv.flush()
 }

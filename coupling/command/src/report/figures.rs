@@ -7,6 +7,8 @@ use multibody::share::BAND_NAMES;
 use multibody::sharing::KKT_TOLERANCE;
 use multibody::trial::{Status, Table, Verdict};
 
+use coupling::samples::PEAKS;
+
 use super::groups::grouped;
 use super::heatmap::{Block, Row, heatmap};
 use super::optimize::{View, words};
@@ -124,6 +126,49 @@ impl View<'_> {
              bounds, whatever they cost. Where the surface is thin, geometry and loads decide; where it is wide, the cost does. Hip and ankle: along the force that was found.",
             &grid("normal", &BAND_NAMES.iter().map(figure).collect::<Vec<_>>()),
         )
+    }
+
+    /// Each knee force with its scatter, and where the scatter comes from.
+    pub(super) fn samples(&self) -> String {
+        let Some(samples) = self.report.samples else { return String::new() };
+        let effort = self.report.effort;
+        let right = Some(RightAxis { per_unit: self.report.body_weight(), unit: "body weights" });
+        // On all frames of the axis: those between are interpolated.
+        let on_axis = |name: String| -> Vec<f64> {
+            let values = samples.bands.column(&name).unwrap_or_default();
+            let between = |t: &f64| {
+                let after = samples.time.partition_point(|s| s < t).clamp(1, values.len() - 1);
+                let (a, b) = (samples.time[after - 1], samples.time[after]);
+                let part = ((t - a) / (b - a)).clamp(0.0, 1.0);
+                values[after - 1] + part * (values[after] - values[after - 1])
+            };
+            self.axis.time.iter().map(between).collect()
+        };
+        let figure = |name: &&'static str| {
+            let class = colour(name.trim_start_matches("knee_"), 0);
+            let found =
+                if *name == "knee_total" { total_knee_force(effort) } else { effort.reactions.column(name) };
+            let line = Line { name: "found".into(), class, time: None, values: found.unwrap_or_default() };
+            let ends = [on_axis(format!("{name}_low")), on_axis(format!("{name}_high"))];
+            let band = Band { name: "19 of 20 samples".into(), class, ends };
+            Plot { right, bands: vec![band], ..self.plot(capital(&words(name)), ["force", "N"], vec![line]) }
+                .render()
+        };
+        let figures: Vec<String> = PEAKS.iter().map(figure).collect();
+        let both = |[value, error]: [f64; 2]| format!("{} ± {}", fixed(value, 2), fixed(error, 2));
+        let rows: Vec<Vec<String>> = samples
+            .indices
+            .iter()
+            .map(|i| vec![capital(&words(i.quantity)), i.group.into(), both(i.first), both(i.total)])
+            .collect();
+        let header = ["largest force", "inputs", "by themselves", "with all that they do together with others"];
+        let lead = format!(
+            "{} computations with inputs that scatter as they do between measurements and people; {} frames of them have no solution. The surface holds 19 of 20. \
+             The table says which part of the scatter of the largest force comes from which inputs (Sobol indices with their standard errors).",
+            samples.n, samples.unsolved
+        );
+        let content = format!("{}\n{}", grid("normal", &figures), table(&header, 2, &rows));
+        section("How sure the knee forces are", &lead, &content)
     }
 
     pub(super) fn measured(&self) -> String {

@@ -28,6 +28,7 @@ use serde::Serialize;
 
 use crate::output::tables::Series;
 use coupling::measured::{Agreement, Overlay};
+use coupling::samples::Samples;
 
 pub use optimize::optimize_page;
 pub use reserves::Reserve;
@@ -77,6 +78,8 @@ pub struct OptimizeReport<'a> {
     pub passive: Option<&'a Table>,
     /// Electromyography beside muscle forces.
     pub emg: Option<&'a [Compared]>,
+    /// The trial with inputs that scatter; absent where it was not asked for.
+    pub samples: Option<&'a Samples>,
     /// The motion in coordinates of OpenSim's gait2392; absent where there is no model of the leg.
     pub gait2392: Option<&'a Series>,
 }

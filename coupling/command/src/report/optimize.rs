@@ -17,6 +17,7 @@ pub fn optimize_page(report: &OptimizeReport) -> String {
         view.headline(),
         view.knee(),
         view.bands(),
+        view.samples(),
         view.measured(),
         view.motion(),
         view.loads(),
