@@ -123,7 +123,8 @@ fn the_functional_knee_axis_is_the_hinge_of_the_walker() {
         metatarsal_1: path(&w.trial.markers, "metatarsal head 1"),
         metatarsal_5: path(&w.trial.markers, "metatarsal head 5"),
     };
-    let (found, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::AsFound, Sex::Male).unwrap();
+    let (found, quality) =
+        functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::AsFound, Sex::Male).unwrap();
     // The walker's adduction and rotation vary by some hundredths of a degree around its hinge.
     let Pose { R, p } = w.in_table(&found, SegmentId::Thigh);
     let axis = R * found.thigh.w;
@@ -149,6 +150,7 @@ fn a_stiff_knee_cannot_be_calibrated() {
         metatarsal_5: path(&tracks, "metatarsal head 5"),
         tracks,
     };
-    let error = functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::AsFound, Sex::Male).unwrap_err();
+    let error =
+        functional::anatomy(&[recording], HipCentre::Given(HIP), KneeCentre::AsFound, Sex::Male).unwrap_err();
     assert!(matches!(error, CalibrationError::Range { joint: "knee", .. }), "{error}");
 }

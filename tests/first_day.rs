@@ -588,8 +588,9 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     // A man who carries four of his kind: no muscle forces make his moments.
     let mut walking = Walking::new();
     walking.plates.iter_mut().flatten().for_each(|(f, _)| *f *= 4.0);
-    let samples: String = (0..3000).map(|k| format!("{},{}\n", 0.001 * k as f64 - 0.8, (k % 7) as f64)).collect();
-    let mut walking = walking.replace("mass_kg = 70", "mass_kg = 280");
+    let samples: String =
+        (0..3000).map(|k| format!("{},{}\n", 0.001 * k as f64 - 0.8, (k % 7) as f64)).collect();
+    let walking = walking.replace("mass_kg = 70", "mass_kg = 280");
     walking.toml += "\n[emg]\nfile = \"emg.csv\"\n[emg.channels]\nc1 = \"soleus\"\n";
     walking.write();
     fs::write(walking.folder().join("emg.csv"), format!("time_s,c1\n{samples}")).unwrap();

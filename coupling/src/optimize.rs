@@ -9,8 +9,8 @@ use multibody::anatomy::Anatomy;
 use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::{calibrate, functional::Quality};
 use multibody::capability::{Follows, capacities};
-use multibody::loads::{Loads, loads};
 use multibody::emg;
+use multibody::loads::{Loads, loads};
 use multibody::model::{Ankle, KneeKind, Model, ModelError};
 use multibody::motion::track;
 use multibody::muscle::hill::{self, HillError, HillResult};
@@ -291,7 +291,20 @@ pub fn solve(
         Err(bad) => return Err(bad.into()),
     };
     let passive = known.passive;
-    Ok(Optimized { case, model, motion, loads, effort, hill, bands, passive, emg, measured, not_compared, stages })
+    Ok(Optimized {
+        case,
+        model,
+        motion,
+        loads,
+        effort,
+        hill,
+        bands,
+        passive,
+        emg,
+        measured,
+        not_compared,
+        stages,
+    })
 }
 
 /// The leg of a case in a form.

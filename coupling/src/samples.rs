@@ -109,7 +109,8 @@ pub fn samples(case: &Case, options: &OptimizeOptions, n: usize) -> Result<Sampl
         wanted.par_iter().map(|seeds| run(&sparse, options, seeds)).collect::<Result<_, _>>()?;
     let width = GROUPS.len() + 2;
     let peaks: Vec<[f64; 3]> = runs.iter().map(Run::peaks).collect();
-    let independent: Vec<&Run> = runs.iter().enumerate().filter(|(k, _)| k % width < 2).map(|(_, r)| r).collect();
+    let independent: Vec<&Run> =
+        runs.iter().enumerate().filter(|(k, _)| k % width < 2).map(|(_, r)| r).collect();
     let time: Vec<f64> = sparse.trial.report.clone().map(|k| sparse.trial.time[k]).collect();
     Ok(Samples {
         n: runs.len(),
@@ -241,7 +242,8 @@ fn indices(peaks: &[[f64; 3]], base: usize) -> Vec<Index> {
         let rows: Vec<usize> =
             (0..base).filter(|&row| (0..width).all(|set| at(row, set).is_finite())).collect();
         let outer: Vec<f64> = rows.iter().flat_map(|&row| [at(row, 0), at(row, 1)]).collect();
-        let variance = mean_and_error(&outer.iter().map(|v| (v - mean(&outer)).powi(2)).collect::<Vec<_>>())[0];
+        let variance =
+            mean_and_error(&outer.iter().map(|v| (v - mean(&outer)).powi(2)).collect::<Vec<_>>())[0];
         for (group, &name) in GROUPS.iter().enumerate() {
             let halves = |set: usize| -> [f64; 2] {
                 let squares: Vec<f64> =
@@ -292,7 +294,8 @@ mod tests {
         let found = indices(&peaks, base);
         let wanted = [(9.0, 9.0), (16.0, 16.0), (0.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
         for (index, (first, total)) in found.iter().zip(wanted) {
-            let near = |[value, error]: [f64; 2], want: f64| (value - want / 26.0).abs() < 4.0 * error + 1e-12;
+            let near =
+                |[value, error]: [f64; 2], want: f64| (value - want / 26.0).abs() < 4.0 * error + 1e-12;
             assert!(near(index.first, first) && near(index.total, total), "{index:?}");
             assert!(index.first[1] < 0.02);
         }

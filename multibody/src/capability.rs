@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use crate::activation::{frame_rate, musculotendon_lengths};
 use crate::filter::{LowPass, differentiate};
 use crate::model::Model;
+use crate::muscle::MuscleTendon;
 use crate::muscle::hill::{self, EquilibriumError, FibreVelocity, HillError, Settings, Tendon};
 use crate::muscle::musculotendon::{GenericPosture, MusculotendonModel};
-use crate::muscle::MuscleTendon;
 use crate::sharing::Capacity;
 use crate::trial::Motion;
 
@@ -65,18 +65,16 @@ fn tension(unit: &MuscleTendon, settings: &Settings, l: f64, v: f64, a: f64) -> 
             Ok(found) => Ok(found.force.max(0.0)),
             Err(EquilibriumError::Slack { .. }) => Ok(0.0),
             // As activations have it: the fibre is not shorter than they count it.
-            Err(EquilibriumError::FibreTooShort { .. }) => Ok(hill::shortest_fibre_force(unit, &settings.curves, v, a)),
+            Err(EquilibriumError::FibreTooShort { .. }) => {
+                Ok(hill::shortest_fibre_force(unit, &settings.curves, v, a))
+            }
             Err(other) => Err(other.into()),
         },
     }
 }
 
 /// Velocities of the muscles with their tendons \[m/s\], lengthening positive.
-fn velocities(
-    lengths: &DMatrix<f64>,
-    rate: f64,
-    velocity: FibreVelocity,
-) -> Result<DMatrix<f64>, HillError> {
+fn velocities(lengths: &DMatrix<f64>, rate: f64, velocity: FibreVelocity) -> Result<DMatrix<f64>, HillError> {
     let mut out = DMatrix::zeros(lengths.nrows(), lengths.ncols());
     let filter = match velocity {
         FibreVelocity::Isometric => return Ok(out),

@@ -124,7 +124,8 @@ pub fn compare(recording: &Recording, time: &[f64], forces: &Table) -> Vec<Compa
 
 /// Mean concordance of the channels without defect; `None` where there is none.
 pub fn overall(compared: &[Compared]) -> Option<f64> {
-    let good: Vec<f64> = compared.iter().filter(|c| c.defect.is_none()).filter_map(|c| c.concordance).collect();
+    let good: Vec<f64> =
+        compared.iter().filter(|c| c.defect.is_none()).filter_map(|c| c.concordance).collect();
     (!good.is_empty()).then(|| good.iter().sum::<f64>() / good.len() as f64)
 }
 

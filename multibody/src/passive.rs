@@ -31,12 +31,14 @@ pub const COORDINATES: [&str; 3] = ["hip_flexion", "knee_flexion", "ankle_flexio
 
 /// Passive moments on the [`COORDINATES`] \[N·m\], positive in flexion and dorsiflexion.
 pub fn moments(posture: &GenericPosture) -> [f64; 3] {
-    let degrees = [posture.hip_flexion, posture.knee_flexion, posture.ankle_dorsiflexion].map(f64::to_degrees);
+    let degrees =
+        [posture.hip_flexion, posture.knee_flexion, posture.ankle_dorsiflexion].map(f64::to_degrees);
     let [h, k, a] = std::array::from_fn(|j| degrees[j].clamp(RANGES[j].0, RANGES[j].1));
     let e = f64::exp;
     [
         e(1.4655 - 0.0034 * k - 0.0750 * h) - e(1.3403 - 0.0226 * k + 0.0305 * h) + 8.072,
-        e(1.800 + 0.0460 * a - 0.0352 * k + 0.0217 * h) - e(-3.971 + 0.0004 * a + 0.0495 * k - 0.0128 * h)
+        e(1.800 + 0.0460 * a - 0.0352 * k + 0.0217 * h)
+            - e(-3.971 + 0.0004 * a + 0.0495 * k - 0.0128 * h)
             - 4.820
             + e(2.220 - 0.150 * k),
         e(-7.9763 - 0.1949 * a + 0.0008 * k) - e(2.1016 + 0.0843 * a - 0.0176 * k) + 1.792,
@@ -45,7 +47,8 @@ pub fn moments(posture: &GenericPosture) -> [f64; 3] {
 
 /// Mean pelvis tilt of the reported frames \[rad\]: where the pelvis is upright in a gait cycle.
 pub fn upright_tilt(motion: &Motion) -> f64 {
-    let tilt = motion.angles.columns.iter().position(|c| c == "pelvis_tilt").expect("kinematics names its angles");
+    let tilt =
+        motion.angles.columns.iter().position(|c| c == "pelvis_tilt").expect("kinematics names its angles");
     let frames = motion.report.clone().filter(|&k| motion.fit[k].failure.is_none());
     let values: Vec<f64> = frames.map(|k| motion.angles.values[(k, tilt)]).collect();
     values.iter().sum::<f64>() / values.len().max(1) as f64

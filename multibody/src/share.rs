@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use crate::loads::Loads;
 use crate::model::{Ankle, KneeKind, Model};
 use crate::sharing::{
-    Capacity, MuscleCost, Names, Reaction, ReactionCost, SHEAR, Sharing, SharingError, SharingOptions, SharingProblem,
-    extremes, muscle_weights, reactions, share_frames,
+    Capacity, MuscleCost, Names, Reaction, ReactionCost, SHEAR, Sharing, SharingError, SharingOptions,
+    SharingProblem, extremes, muscle_weights, reactions, share_frames,
 };
 use crate::trial::{Effort, Motion, Status, Table, Verdict};
 
@@ -126,7 +126,9 @@ pub fn share_each<'a>(
     let names = names(model);
     let known: Vec<usize> = (0..loads.time.len()).filter(|&k| loads.reduced[k].is_some()).collect();
     let solved = share_frames(known.len(), &names, settings.options, |k| {
-        Ok::<_, SharingError>(problem(model, loads, known[k], capacity(known[k]), settings).expect("loads are known"))
+        Ok::<_, SharingError>(
+            problem(model, loads, known[k], capacity(known[k]), settings).expect("loads are known"),
+        )
     })?;
     let n = loads.time.len();
     let mut frames: Vec<Option<Sharing>> = vec![None; n];

@@ -52,9 +52,8 @@ pub fn bear(model: &Model, Q: &Coordinates, names: &[String], rows: &mut DMatrix
         ((b - a).normalize(), b)
     });
     // Shares of two places z_m and z_l with this sum and this moment.
-    let shared = |sum: f64, moment: f64| {
-        [(moment - l.z * sum) / (m.z - l.z), (m.z * sum - moment) / (m.z - l.z)]
-    };
+    let shared =
+        |sum: f64, moment: f64| [(moment - l.z * sum) / (m.z - l.z), (m.z * sum - moment) / (m.z - l.z)];
     let (medial, lateral) = (row("knee_medial"), row("knee_lateral"));
     let shear = SHEAR.map(|(_, name)| row(name));
     for mut column in rows.column_iter_mut() {

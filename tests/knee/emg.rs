@@ -69,7 +69,8 @@ fn bursts_agree_with_forces_that_come_a_delay_later() {
 #[test]
 fn names_of_channels_and_muscles_are_examined_together() {
     let Some(data) = shared("gait") else { return };
-    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials/jw_ngait_og3.toml");
+    let shipped =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials/jw_ngait_og3.toml");
     let text = std::fs::read_to_string(&shipped).unwrap();
     let wrong = text.replace("medgas = \"gasmed\"", "medgass = \"gasmet\"");
     let file = TrialFile::parse(&shipped, wrong.as_bytes()).unwrap();

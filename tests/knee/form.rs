@@ -8,7 +8,10 @@ use support::shared;
 fn run(trial: Option<&str>, form: Form) -> Optimized {
     optimize(&OptimizeOptions {
         trial: trial.map(|name| {
-            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials").join(name).with_extension("toml")
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../gait-data/trials")
+                .join(name)
+                .with_extension("toml")
         }),
         data: shared("gait"),
         form,
@@ -50,17 +53,21 @@ fn the_published_walker_has_the_old_bits() {
 fn hip_and_knee_forces_are_of_the_size_that_instrumented_joints_show() {
     let mut trials = vec![None];
     if shared("gait").is_some() {
-        trials.extend(["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"].map(Some));
+        trials.extend(
+            ["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"].map(Some),
+        );
     }
     for trial in trials {
         let done = run(trial, Form::REVISED);
         let name = trial.unwrap_or("walker");
-        let solved = done.effort.verdicts.iter().filter(|v| v.status == multibody::trial::Status::Solved).count();
+        let solved =
+            done.effort.verdicts.iter().filter(|v| v.status == multibody::trial::Status::Solved).count();
         assert_eq!(solved, done.effort.time.len(), "{name}");
         let weight = 9.81 * done.case.trial.subject.mass;
         let column = |n: &str| done.effort.reactions.column(n).unwrap();
         let [x, y, z] = ["hip_x", "hip_y", "hip_z"].map(column);
-        let hip = (0..solved).map(|k| (x[k] * x[k] + y[k] * y[k] + z[k] * z[k]).sqrt()).fold(0.0, f64::max) / weight;
+        let hip = (0..solved).map(|k| (x[k] * x[k] + y[k] * y[k] + z[k] * z[k]).sqrt()).fold(0.0, f64::max)
+            / weight;
         let (medial, lateral) = (column("knee_medial"), column("knee_lateral"));
         let knee = (0..solved).map(|k| medial[k] + lateral[k]).fold(0.0, f64::max) / weight;
         println!("{name}: hip {hip:.2}, knee {knee:.2} body weights");

@@ -65,7 +65,8 @@ fn nothing_counts_twice() {
     let coordinates = both.model.coordinate_names();
     for k in 0..both.effort.time.len() {
         let reduced = both.loads.reduced[k].as_ref().unwrap();
-        let measured = moments(&GenericPosture { hip_flexion: postures[k].hip_flexion + upright, ..postures[k] });
+        let measured =
+            moments(&GenericPosture { hip_flexion: postures[k].hip_flexion + upright, ..postures[k] });
         for (j, name) in COORDINATES.iter().enumerate() {
             let row = coordinates.iter().position(|c| c == name).unwrap();
             let before = none.loads.reduced[k].as_ref().unwrap().moments[row];

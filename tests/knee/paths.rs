@@ -38,7 +38,10 @@ fn sweeps() -> Vec<(&'static str, Vec<Turns>)> {
         ("hip flexion", turned(&|t, a| t.hip[0] = a, -30.0, 90.0)),
         ("hip adduction", turned(&|t, a| t.hip[1] = a, -30.0, 20.0)),
         ("hip rotation", turned(&|t, a| t.hip[2] = a, -30.0, 30.0)),
-        ("knee flexion", (0..=140).map(|k| Turns { knee: f64::to_radians(k as f64), ..Turns::default() }).collect()),
+        (
+            "knee flexion",
+            (0..=140).map(|k| Turns { knee: f64::to_radians(k as f64), ..Turns::default() }).collect(),
+        ),
         ("ankle flexion", turned(&|t, a| t.ankle[0] = a, -30.0, 25.0)),
         ("ankle inversion", turned(&|t, a| t.ankle[1] = a, -20.0, 20.0)),
     ]
@@ -159,7 +162,11 @@ fn lever_arms_are_the_derivatives_of_the_lengths_of_wrapped_paths() {
         for (m, muscle) in leg.model.muscles.iter().enumerate() {
             let slope = -(longer[m] - shorter[m]) / dq;
             let arm = R[(3, m)];
-            assert!((slope - arm).abs() < 2e-6 + 1e-4 * arm.abs(), "{} at {turns:?}: {slope} {arm}", muscle.name);
+            assert!(
+                (slope - arm).abs() < 2e-6 + 1e-4 * arm.abs(),
+                "{} at {turns:?}: {slope} {arm}",
+                muscle.name
+            );
             let Q = leg.posture(&turns);
             on_cylinder += usize::from(muscle.wrap.as_ref().is_some_and(|wrap| {
                 let points: Vec<_> = muscle.path.iter().map(|p| p.position.at(&Q)).collect();
@@ -188,7 +195,8 @@ fn knee_extensors_have_published_lever_arms() {
         let (from, to, least, greatest) = (number(0), number(1), number(2), number(3));
         // Excursions give means over a range of angles.
         let n = 10;
-        let mean = (0..=n).map(|k| arm(from + (to - from) * k as f64 / n as f64)).sum::<f64>() / (n + 1) as f64;
+        let mean =
+            (0..=n).map(|k| arm(from + (to - from) * k as f64 / n as f64)).sum::<f64>() / (n + 1) as f64;
         assert!(
             (least..=greatest).contains(&(1e3 * mean)),
             "{from} to {to} degrees: {:.1} mm, measured {least} to {greatest} ({})",

@@ -7,7 +7,9 @@ use multibody::equilibrium::equilibrium;
 use multibody::model::{KneeKind, Model};
 use multibody::natural::{Coordinates, SegmentId, block};
 use multibody::share::{SharingSettings, names, reactions_of};
-use multibody::sharing::{Capacity, MuscleCost, SharingOptions, SharingProblem, SharingSolver, muscle_weights};
+use multibody::sharing::{
+    Capacity, MuscleCost, SharingOptions, SharingProblem, SharingSolver, muscle_weights,
+};
 use multibody::trial::Status;
 use nalgebra::DVector;
 
@@ -48,7 +50,8 @@ fn every_frame_of_a_squat_to_100_degrees_is_solved_with_a_prosthesis() {
         let at = ankle + (toe - ankle) / 3.0;
         let up = (hip - at).normalize();
         let force = HALF_WEIGHT * up;
-        let load = leg_load(model, &Q, &Coordinates::zeros(), &GroundLoad { force, moment: at.cross(&force) });
+        let load =
+            leg_load(model, &Q, &Coordinates::zeros(), &GroundLoad { force, moment: at.cross(&force) });
         let reduced = equilibrium(model, &Q, &load).expect("no joint is locked");
         let problem = SharingProblem {
             R: reduced.lever_arms,
@@ -64,7 +67,13 @@ fn every_frame_of_a_squat_to_100_degrees_is_solved_with_a_prosthesis() {
             w_s: None,
         };
         let answer = solver.solve(&problem).unwrap();
-        assert_eq!(answer.verdict.status, Status::Solved, "{:.0} deg: {:?}", knee.to_degrees(), answer.verdict.reason);
+        assert_eq!(
+            answer.verdict.status,
+            Status::Solved,
+            "{:.0} deg: {:?}",
+            knee.to_degrees(),
+            answer.verdict.reason
+        );
         let of = |name: &str| answer.x[names.reactions.iter().position(|n| n == name).unwrap()];
         assert!(of("knee_medial") >= -1e-6 && of("knee_lateral") >= -1e-6);
         peak = peak.max((of("knee_medial") + of("knee_lateral")) / (2.0 * HALF_WEIGHT));

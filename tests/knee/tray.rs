@@ -37,8 +37,12 @@ fn the_tray_carries_the_resultant_of_contact_and_ligaments() {
         let shank = natural.model.pose(SegmentId::Shank, &Q);
         let local = |ground: Vector3<f64>| shank.R.transpose() * (ground - shank.p);
         let shape = |s: SegmentId| natural.model.shapes[s.index()];
-        let femur = |name: &str| local(shape(SegmentId::Thigh).point(SegmentId::Thigh, &item(name), End::Distal).at(&Q));
-        let tibia = |name: &str| local(shape(SegmentId::Shank).point(SegmentId::Shank, &item(name), End::Proximal).at(&Q));
+        let femur = |name: &str| {
+            local(shape(SegmentId::Thigh).point(SegmentId::Thigh, &item(name), End::Distal).at(&Q))
+        };
+        let tibia = |name: &str| {
+            local(shape(SegmentId::Shank).point(SegmentId::Shank, &item(name), End::Proximal).at(&Q))
+        };
         let plateau = item("medial contact plane point").y;
         let centres = ["medial", "lateral"].map(|side| {
             let c = femur(&format!("{side} sphere centre"));

@@ -7,8 +7,8 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::clusters::{mean_cluster, mean_local, pose};
-use super::markers::foot;
 use super::knee_centre::{Correction, Frame, KneeCentre, correct, in_shank};
+use super::markers::foot;
 use super::{CalibrationError, HipCentre, Path, Spines, apart, into_local, pelvis, relative};
 use crate::anatomy::{Anatomy, Cluster, ShankAxes, ThighAxes};
 use crate::natural::{Pose, SegmentId};
@@ -227,7 +227,9 @@ fn knee_frames(recordings: &[Recording], clusters: &[Cluster; 5]) -> Vec<Frame> 
         let n = r.tracks.iter().map(|t| t.position.len()).min().unwrap_or(0);
         for k in 0..n {
             let pose = |s: SegmentId| pose(&clusters[s.index()], &r.tracks, s, k);
-            let (Some(thigh), Some(shank)) = (pose(SegmentId::Thigh), pose(SegmentId::Shank)) else { continue };
+            let (Some(thigh), Some(shank)) = (pose(SegmentId::Thigh), pose(SegmentId::Shank)) else {
+                continue;
+            };
             let patella = r.patella.get(k).copied().flatten();
             seen.push(Frame {
                 shank: relative(&thigh, &shank),

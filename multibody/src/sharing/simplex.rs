@@ -65,8 +65,7 @@ impl Polytope {
         z: DVector<f64>,
     ) -> Polytope {
         let (m, n) = A.shape();
-        let mut start =
-            Tableau { T: A.clone(), basis: vec![None; m], is_basic: vec![false; n], z };
+        let mut start = Tableau { T: A.clone(), basis: vec![None; m], is_basic: vec![false; n], z };
         // Variables far from their bounds make a basis that few steps leave.
         let room = |j: usize| (start.z[j] - lower[j]).min(upper[j] - start.z[j]);
         let mut order: Vec<(f64, usize)> = (0..n).map(|j| (room(j), j)).collect();
@@ -83,7 +82,8 @@ impl Polytope {
         for row in 0..m {
             if start.basis[row].is_none() {
                 let column = (0..n).filter(|&j| !start.is_basic[j]);
-                let best = column.max_by(|&a, &b| start.T[(row, a)].abs().total_cmp(&start.T[(row, b)].abs()));
+                let best =
+                    column.max_by(|&a, &b| start.T[(row, a)].abs().total_cmp(&start.T[(row, b)].abs()));
                 if let Some(j) = best.filter(|&j| start.T[(row, j)].abs() > PIVOT) {
                     start.pivot(row, j);
                 }
@@ -100,17 +100,10 @@ impl Polytope {
         }
         let mut t = self.start.clone();
         let mut idle = 0;
-        let mut is_fresh = false;
         for _ in 0..MOST_STEPS {
             let Some((j, direction)) = self.entering(&t, c, scale, idle > PATIENCE) else {
-                // Round-off of the pivots must not end the search: the tableau is made anew before the end counts.
-                if is_fresh || !self.refresh(&mut t) {
-                    return self.proved(&t, c);
-                }
-                is_fresh = true;
-                continue;
+                return self.proved(&t, c);
             };
-            is_fresh = false;
             let Some(length) = self.step(&mut t, j, direction) else { return Least::Unbounded };
             idle = if length > 0.0 { 0 } else { idle + 1 };
         }
@@ -172,26 +165,6 @@ impl Polytope {
         Some(length)
     }
 
-    /// The tableau and the basic variables of the same basis, from the rows as posed; false where the basis is singular to round-off.
-    fn refresh(&self, t: &mut Tableau) -> bool {
-        let rows: Vec<(usize, usize)> =
-            t.basis.iter().enumerate().filter_map(|(row, k)| Some((row, (*k)?))).collect();
-        let posed = |j: usize| DVector::from_fn(rows.len(), |i, _| self.A[(rows[i].0, j)]);
-        let B = DMatrix::from_columns(&rows.iter().map(|(_, k)| posed(*k)).collect::<Vec<_>>());
-        let lu = B.lu();
-        let mut right = DVector::from_fn(rows.len(), |i, _| self.b[rows[i].0]);
-        for j in (0..t.z.len()).filter(|&j| !t.is_basic[j]) {
-            right.axpy(-t.z[j], &posed(j), 1.0);
-        }
-        let N = DMatrix::from_columns(&(0..t.z.len()).map(posed).collect::<Vec<_>>());
-        let (Some(z), Some(T)) = (lu.solve(&right), lu.solve(&N)) else { return false };
-        for (i, &(row, k)) in rows.iter().enumerate() {
-            t.z[k] = z[i].clamp(self.lower[k], self.upper[k]);
-            t.T.row_mut(row).copy_from(&T.row(i));
-        }
-        true
-    }
-
     /// Weak duality: with any multipliers y, no admissible point gives less than bᵀy + Σ min over l ≤ z ≤ u of (c − Aᵀy)_j z_j.
     fn proved(&self, t: &Tableau, c: &DVector<f64>) -> Least {
         let rows: Vec<(usize, usize)> =
@@ -222,8 +195,8 @@ impl Polytope {
         let reached = c.dot(&t.z);
         terms += c.component_mul(&t.z).abs().sum();
         let misses = (&self.A * &t.z - &self.b).amax();
-        let is_met = (reached - bound).abs() <= BRACKET * terms
-            && misses <= BRACKET * t.z.amax().max(self.b.amax());
+        let is_met =
+            (reached - bound).abs() <= BRACKET * terms && misses <= BRACKET * t.z.amax().max(self.b.amax());
         if is_met { Least::Proved(bound) } else { Least::Unsettled }
     }
 }

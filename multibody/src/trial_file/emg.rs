@@ -73,7 +73,11 @@ impl TrialFile {
                 }
             }
             if listed.trim().is_empty() {
-                wrong.note(self.bad_value(name, "empty", "name the muscle line, or several with spaces between"));
+                wrong.note(self.bad_value(
+                    name,
+                    "empty",
+                    "name the muscle line, or several with spaces between",
+                ));
             }
             match names.iter().position(|n| n == name) {
                 Some(k) if time.len() >= 2 => channels.push(Channel {

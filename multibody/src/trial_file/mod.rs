@@ -406,7 +406,9 @@ impl TrialFile {
     pub fn knee_centre(&self) -> KneeCentre {
         match self.landmarks.knee_centre.unwrap_or_default() {
             KneeRule::Functional => KneeCentre::AsFound,
-            KneeRule::Patella => KneeCentre::ByPatella(self.landmarks.patella_distance_mm.map(|mm| 1e-3 * mm)),
+            KneeRule::Patella => {
+                KneeCentre::ByPatella(self.landmarks.patella_distance_mm.map(|mm| 1e-3 * mm))
+            }
         }
     }
 

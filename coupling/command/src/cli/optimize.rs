@@ -35,8 +35,8 @@ use crate::report::{MuscleInfo, OptimizeReport, Summary};
 use coupling::error::StudyError;
 use coupling::form::{Bounds, Form, Passive};
 use coupling::number::{plain, short};
-use coupling::samples::{self, Samples};
 use coupling::optimize::{Case, OptimizeOptions, Optimized, optimize_with, sides, solve, stages};
+use coupling::samples::{self, Samples};
 use coupling::subject::{who, words};
 
 #[derive(Args)]

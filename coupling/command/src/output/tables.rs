@@ -110,7 +110,10 @@ pub fn passive_moments(time: &[f64], passive: &Table) -> Series {
 /// `emg.csv`: envelope of every channel and force of its muscles, as fractions of their largest values.
 pub fn emg(time: &[f64], compared: &[Compared]) -> Series {
     let columns = compared.iter().flat_map(|c| {
-        [(format!("{}_emg", c.channel), c.envelope.clone()), (format!("{}_force", c.channel), c.force.clone())]
+        [
+            (format!("{}_emg", c.channel), c.envelope.clone()),
+            (format!("{}_force", c.channel), c.force.clone()),
+        ]
     });
     Series { time: time.to_vec(), columns: columns.collect() }
 }
@@ -138,7 +141,9 @@ pub fn sampled_forces(samples: &Samples) -> Series {
 /// `samples.csv`: the largest knee forces of every independent sample \[N\].
 pub fn write_samples(out: &mut dyn Write, samples: &Samples) -> io::Result<()> {
     let mut csv = csv::Writer::from_writer(out);
-    csv.write_record(std::iter::once("sample".to_string()).chain(PEAKS.map(|name| format!("{name}_peak_N"))))?;
+    csv.write_record(
+        std::iter::once("sample".to_string()).chain(PEAKS.map(|name| format!("{name}_peak_N"))),
+    )?;
     for (k, peaks) in samples.peaks.iter().enumerate() {
         csv.write_record(std::iter::once(k.to_string()).chain(peaks.iter().map(|v| cell(*v))))?;
     }

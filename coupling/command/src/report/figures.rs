@@ -110,12 +110,7 @@ impl View<'_> {
             };
             let short = name.trim_start_matches("knee_");
             let class = colour(short, 0);
-            let line = Line {
-                name: "found".into(),
-                class,
-                time: None,
-                values: values.unwrap_or_default(),
-            };
+            let line = Line { name: "found".into(), class, time: None, values: values.unwrap_or_default() };
             let band = Band { name: "any sharing".into(), class, ends: [end("least"), end("greatest")] };
             let title = capital(&words(name));
             Plot { right, bands: vec![band], ..self.plot(title, ["force", "N"], vec![line]) }.render()
@@ -161,7 +156,8 @@ impl View<'_> {
             .iter()
             .map(|i| vec![capital(&words(i.quantity)), i.group.into(), both(i.first), both(i.total)])
             .collect();
-        let header = ["largest force", "inputs", "by themselves", "with all that they do together with others"];
+        let header =
+            ["largest force", "inputs", "by themselves", "with all that they do together with others"];
         let lead = format!(
             "{} computations with inputs that scatter as they do between measurements and people; {} frames of them have no solution. The surface holds 19 of 20. \
              The table says which part of the scatter of the largest force comes from which inputs (Sobol indices with their standard errors).",
