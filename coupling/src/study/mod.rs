@@ -181,6 +181,11 @@ impl Sized {
         &self.inputs
     }
 
+    /// The trial as it was read.
+    pub fn case(&self) -> &crate::optimize::Case {
+        &self.done.case
+    }
+
     /// What the trial file says that rarely is so, or is left out of account.
     pub fn doubts(&self) -> &[String] {
         &self.done.case.doubts

@@ -1,0 +1,360 @@
+//! The state machine of a unit, the same for both sides: what a master may call when, and what comes of it. No pointer gets here.
+
+use std::sync::Arc;
+
+use crate::error::UnitError;
+use crate::side::{Model, Side};
+use crate::variable::{Causality, Kind, Variable};
+
+/// Where a unit is in its life (FMI 3.0, 2.3.1 and 4.2.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Made, or reset.
+    Instantiated,
+    /// Inputs are set before the first step.
+    Initialization,
+    /// Steps are done.
+    Step,
+    /// Within a step, while the master looks at it.
+    Intermediate,
+    /// No more steps.
+    Terminated,
+}
+
+use Mode::{Initialization, Instantiated, Intermediate, Step, Terminated};
+
+impl Mode {
+    const ALL: [Mode; 5] = [Instantiated, Initialization, Step, Intermediate, Terminated];
+
+    fn name(self) -> &'static str {
+        match self {
+            Instantiated => "instantiated",
+            Initialization => "initialization mode",
+            Step => "step mode",
+            Intermediate => "an intermediate update",
+            Terminated => "terminated",
+        }
+    }
+}
+
+/// Categories of messages.
+pub const CATEGORIES: [(&str, &str); 3] = [
+    ("logStatusError", "A call that was wrong; these are always told"),
+    ("logStatusDiscard", "A step that has no solution; these are always told"),
+    ("logEvents", "What the unit does; told while logging is on"),
+];
+
+/// A state that a master keeps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SavedState {
+    key: String,
+    mode: Mode,
+    time: f64,
+    bytes: Vec<u8>,
+}
+
+/// Version of the layout of [`SavedState::to_bytes`].
+const LAYOUT: u8 = 1;
+
+impl SavedState {
+    /// As bytes, from which [`SavedState::of_bytes`] makes the same.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mode = Mode::ALL.iter().position(|m| *m == self.mode).expect("every mode is listed") as u8;
+        let mut bytes = vec![LAYOUT, mode];
+        bytes.extend(self.time.to_bits().to_le_bytes());
+        bytes.extend((self.key.len() as u64).to_le_bytes());
+        bytes.extend(self.key.as_bytes());
+        bytes.extend(&self.bytes);
+        bytes
+    }
+
+    /// Number of these bytes.
+    pub fn n_bytes(&self) -> usize {
+        18 + self.key.len() + self.bytes.len()
+    }
+
+    /// Reads them; the sides examine what is inside when it is taken over.
+    pub fn of_bytes(bytes: &[u8]) -> Result<SavedState, UnitError> {
+        let bad = || UnitError::wrong("these bytes are no state of a unit of this version");
+        let (head, rest) = bytes.split_at_checked(18).ok_or_else(bad)?;
+        let number = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| head[at + i]));
+        let mode = *Mode::ALL.get(usize::from(head[1])).ok_or_else(bad)?;
+        let time = f64::from_bits(number(2));
+        let n = usize::try_from(number(10)).map_err(|_| bad())?;
+        let (key, rest) = rest.split_at_checked(n).ok_or_else(bad)?;
+        let key = std::str::from_utf8(key).map_err(|_| bad())?.to_string();
+        if head[0] != LAYOUT || !time.is_finite() || mode == Intermediate {
+            return Err(bad());
+        }
+        Ok(SavedState { key, mode, time, bytes: rest.to_vec() })
+    }
+}
+
+/// An instance of a unit.
+pub struct Instance {
+    name: String,
+    mode: Mode,
+    time: f64,
+    start: f64,
+    side: Box<dyn Side>,
+    variables: Arc<Vec<Variable>>,
+    is_logging: bool,
+    may_return_early: bool,
+}
+
+/// How far a step has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    /// At a point between, at this time \[s\].
+    Between(f64),
+    /// At its end, at this time \[s\].
+    Done(f64),
+}
+
+/// Fraction of a step by which times may differ that should be the same: masters add steps up.
+const SAME_TIME: f64 = 1e-6;
+
+impl Instance {
+    /// A new instance.
+    pub fn new(name: &str, model: &Model, is_logging: bool, may_return_early: bool) -> Instance {
+        let side = model.side();
+        let variables = side.variables().clone();
+        Instance {
+            name: name.into(),
+            mode: Instantiated,
+            time: 0.0,
+            start: 0.0,
+            side,
+            variables,
+            is_logging,
+            may_return_early,
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Time \[s\].
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Whether it tells more than what goes wrong.
+    pub fn is_logging(&self) -> bool {
+        self.is_logging
+    }
+
+    /// Whether a step may end before its end.
+    pub fn may_return_early(&self) -> bool {
+        self.may_return_early
+    }
+
+    /// Refuses a call in any mode but these.
+    fn only_in(&self, call: &str, modes: &[Mode]) -> Result<(), UnitError> {
+        if modes.contains(&self.mode) {
+            return Ok(());
+        }
+        let names: Vec<&str> = modes.iter().map(|m| m.name()).collect();
+        Err(UnitError::Wrong(format!("{call} in {}; it belongs in {}", self.mode.name(), names.join(" or "))))
+    }
+
+    /// Turns logging on or off, for all categories where none is named.
+    pub fn set_logging(&mut self, on: bool, categories: &[String]) -> Result<(), UnitError> {
+        let known = |name: &String| CATEGORIES.iter().any(|(category, _)| category == name);
+        if let Some(unknown) = categories.iter().find(|c| !known(c)) {
+            let all = CATEGORIES.map(|c| c.0).join(", ");
+            return Err(UnitError::Wrong(format!("there is no category `{unknown}`; there are {all}")));
+        }
+        let events = |c: &String| c == "logEvents";
+        if categories.is_empty() || categories.iter().any(events) {
+            self.is_logging = on;
+        }
+        Ok(())
+    }
+
+    /// fmi3EnterInitializationMode.
+    pub fn enter_initialization(&mut self, start: f64, stop: Option<f64>) -> Result<(), UnitError> {
+        self.only_in("fmi3EnterInitializationMode", &[Instantiated])?;
+        let stops = stop.unwrap_or(start);
+        if !start.is_finite() || !(stops >= start) {
+            return Err(UnitError::Wrong(format!(
+                "a simulation from {start} s to {stops} s; times must be finite and not go backwards"
+            )));
+        }
+        (self.mode, self.start, self.time) = (Initialization, start, start);
+        Ok(())
+    }
+
+    /// fmi3ExitInitializationMode.
+    pub fn exit_initialization(&mut self) -> Result<(), UnitError> {
+        self.only_in("fmi3ExitInitializationMode", &[Initialization])?;
+        self.side.start(self.start)?;
+        self.mode = Step;
+        Ok(())
+    }
+
+    /// fmi3Terminate.
+    pub fn terminate(&mut self) -> Result<(), UnitError> {
+        self.only_in("fmi3Terminate", &[Step])?;
+        self.mode = Terminated;
+        Ok(())
+    }
+
+    /// fmi3Reset.
+    pub fn reset(&mut self) -> Result<(), UnitError> {
+        self.only_in("fmi3Reset", &[Instantiated, Initialization, Step, Terminated])?;
+        self.side.reset();
+        (self.mode, self.time, self.start) = (Instantiated, 0.0, 0.0);
+        Ok(())
+    }
+
+    /// The variable of a value reference, and its number.
+    fn variable(&self, reference: u32, kind: Kind) -> Result<(usize, &Variable), UnitError> {
+        let number = reference as usize;
+        let Some(variable) = self.variables.get(number) else {
+            let last = self.variables.len() - 1;
+            return Err(UnitError::Wrong(format!(
+                "there is no variable {reference}; value references go from 0 to {last}"
+            )));
+        };
+        match variable.kind == kind {
+            true => Ok((number, variable)),
+            false => {
+                Err(UnitError::Wrong(format!("{} is a {:?}, not a {kind:?}", variable.name, variable.kind)))
+            }
+        }
+    }
+
+    /// Refuses an array of another size than the variables have together.
+    fn sized(&self, references: &[u32], kind: Kind, n: usize) -> Result<(), UnitError> {
+        let mut wanted = 0;
+        for reference in references {
+            wanted += self.variable(*reference, kind)?.1.size();
+        }
+        if wanted == n {
+            return Ok(());
+        }
+        let each: Vec<String> = references
+            .iter()
+            .filter_map(|r| self.variables.get(*r as usize))
+            .map(|v| format!("{} {:?}", v.name, v.dimensions))
+            .collect();
+        Err(UnitError::Wrong(format!("{n} values for {wanted}: {}", each.join(", "))))
+    }
+
+    /// Values of numbers or truth values, one variable after the other, `n` together.
+    pub fn get(&mut self, references: &[u32], kind: Kind, n: usize) -> Result<Vec<f64>, UnitError> {
+        self.only_in("getting values", &[Initialization, Step, Intermediate, Terminated])?;
+        self.sized(references, kind, n)?;
+        let mut values = Vec::with_capacity(n);
+        for reference in references {
+            let number = *reference as usize;
+            match self.variables[number].causality {
+                Causality::Independent => values.push(self.time),
+                _ => values.extend(self.side.get(number)?),
+            }
+        }
+        Ok(values)
+    }
+
+    /// Texts of constants, one variable after the other, `n` together.
+    pub fn words(&self, references: &[u32], n: usize) -> Result<Vec<String>, UnitError> {
+        self.sized(references, Kind::String, n)?;
+        Ok(references.iter().flat_map(|r| self.variables[*r as usize].words.clone()).collect())
+    }
+
+    /// Sets inputs. All of them are looked at before any is set.
+    pub fn set(&mut self, references: &[u32], kind: Kind, values: &[f64]) -> Result<(), UnitError> {
+        self.only_in("setting values", &[Instantiated, Initialization, Step])?;
+        self.sized(references, kind, values.len())?;
+        let (mut mistakes, mut at) = (Vec::new(), 0);
+        for reference in references {
+            let (_, variable) = self.variable(*reference, kind)?;
+            let own = &values[at..at + variable.size()];
+            at += own.len();
+            if variable.causality != Causality::Input {
+                mistakes.push(format!("{} is no input", variable.name));
+            } else if let Err(why) = variable.examine(own) {
+                mistakes.push(why);
+            }
+        }
+        if !mistakes.is_empty() {
+            return Err(UnitError::Wrong(mistakes.join("; ")));
+        }
+        let mut at = 0;
+        for reference in references {
+            let n = self.variables[*reference as usize].size();
+            self.side.set(*reference as usize, &values[at..at + n])?;
+            at += n;
+        }
+        Ok(())
+    }
+
+    /// Begins a step; where it ends.
+    pub fn begin_step(&mut self, from: f64, size: f64) -> Result<f64, UnitError> {
+        self.only_in("fmi3DoStep", &[Step])?;
+        if !(size > 0.0 && size.is_finite()) {
+            return Err(UnitError::Wrong(format!(
+                "a step of {size} s; it must be above 0, a unit goes back by fmi3SetFMUState alone"
+            )));
+        }
+        if !((from - self.time).abs() <= SAME_TIME * size) {
+            let time = self.time;
+            return Err(UnitError::Wrong(format!(
+                "a step from {from} s, but the unit is at {time} s; it goes back by fmi3SetFMUState alone"
+            )));
+        }
+        Ok(from + size)
+    }
+
+    /// Goes on in a step to `end`, by way of what there is to be seen between where `is_watched`. Where that fails the unit is where it was
+    /// before.
+    pub fn go_on(&mut self, end: f64, is_watched: bool) -> Result<Progress, UnitError> {
+        let between = is_watched.then(|| self.side.next_between(self.time, end)).flatten();
+        let to = between.unwrap_or(end);
+        self.side.step(to)?;
+        self.time = to;
+        Ok(if between.is_some() { Progress::Between(to) } else { Progress::Done(to) })
+    }
+
+    /// The present state, where there is something to be seen before `end`.
+    pub fn before_stops(&self, end: f64) -> Result<Option<SavedState>, UnitError> {
+        self.side.next_between(self.time, end).map(|_| self.save()).transpose()
+    }
+
+    /// Lets the master look, or go on after it has looked.
+    pub fn show(&mut self, is_shown: bool) {
+        self.mode = if is_shown { Intermediate } else { Step };
+    }
+
+    /// fmi3GetFMUState.
+    pub fn save(&self) -> Result<SavedState, UnitError> {
+        self.only_in("fmi3GetFMUState", &[Instantiated, Initialization, Step, Terminated])?;
+        Ok(SavedState {
+            key: self.side.key().into(),
+            mode: self.mode,
+            time: self.time,
+            bytes: self.side.save(),
+        })
+    }
+
+    /// fmi3SetFMUState.
+    pub fn restore(&mut self, state: &SavedState) -> Result<(), UnitError> {
+        self.only_in("fmi3SetFMUState", &[Instantiated, Initialization, Step, Terminated])?;
+        if state.key != self.side.key() {
+            return Err(UnitError::wrong("the state is one of another unit"));
+        }
+        self.side.restore(&state.bytes)?;
+        (self.mode, self.time, self.start) = (state.mode, state.time, state.time);
+        Ok(())
+    }
+
+    /// What is refused because no unit of ours has it.
+    pub fn has_none(&self, call: &str) -> UnitError {
+        UnitError::Wrong(format!(
+            "{call}: this unit has nothing of the kind; modelDescription.xml says what it can"
+        ))
+    }
+}

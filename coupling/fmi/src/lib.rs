@@ -1,0 +1,20 @@
+//! Co-simulation units (FMI 3.0) of the rigid leg and of the deformable thigh.
+//!
+//! A unit is a zip with this crate as a shared library, `modelDescription.xml` and, as resources, the scene with everything that it reads.
+//! [`export`] writes one; [`abi`] is what a master calls, the only file with `unsafe`, and hands everything on to an [`instance::Instance`],
+//! the one state machine of both sides. A [`side::Side`] is the mechanics behind it: [`rigid`] or [`thigh`], a session of [`coupling::session`].
+
+#![deny(unsafe_code)]
+
+#[allow(unsafe_code, missing_docs)] // What each function is, the standard says.
+pub mod abi;
+pub mod description;
+pub mod error;
+pub mod export;
+pub mod instance;
+pub mod registry;
+pub mod resources;
+pub mod rigid;
+pub mod side;
+pub mod thigh;
+pub mod variable;
