@@ -358,3 +358,151 @@ impl Instance {
         ))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A side with an input, and an output that is the sum of all inputs so far.
+    struct Sum {
+        variables: Arc<Vec<Variable>>,
+        input: f64,
+        sum: f64,
+    }
+
+    impl Sum {
+        fn new() -> Sum {
+            let variables = vec![
+                Variable::time(),
+                Variable::input("a", &[], "", vec![0.0], [0.0, 1.0], "an input"),
+                Variable::output("sum", &[2], "", "an output"),
+                Variable::names("names", vec!["x".into(), "y".into()], "names"),
+            ];
+            Sum { variables: Arc::new(variables), input: 0.0, sum: 0.0 }
+        }
+    }
+
+    impl Side for Sum {
+        fn variables(&self) -> &Arc<Vec<Variable>> {
+            &self.variables
+        }
+        fn get(&mut self, variable: usize) -> Result<Vec<f64>, UnitError> {
+            Ok(if variable == 1 { vec![self.input] } else { vec![self.sum, -self.sum] })
+        }
+        fn set(&mut self, _: usize, values: &[f64]) -> Result<(), UnitError> {
+            self.input = values[0];
+            Ok(())
+        }
+        fn start(&mut self, _: f64) -> Result<(), UnitError> {
+            Ok(())
+        }
+        fn step(&mut self, to: f64) -> Result<(), UnitError> {
+            if to > 10.0 {
+                return Err(UnitError::NoSolution("beyond the end".into()));
+            }
+            self.sum += self.input;
+            Ok(())
+        }
+        fn next_between(&self, from: f64, to: f64) -> Option<f64> {
+            Some(from + 1.0).filter(|t| *t < to)
+        }
+        fn reset(&mut self) {
+            *self = Sum::new();
+        }
+        fn save(&self) -> Vec<u8> {
+            [self.input, self.sum].iter().flat_map(|v| v.to_le_bytes()).collect()
+        }
+        fn restore(&mut self, state: &[u8]) -> Result<(), UnitError> {
+            let ([a, b], []) = state.as_chunks::<8>() else { return Err(UnitError::wrong("damaged")) };
+            (self.input, self.sum) = (f64::from_le_bytes(*a), f64::from_le_bytes(*b));
+            Ok(())
+        }
+        fn key(&self) -> &str {
+            "sum"
+        }
+    }
+
+    fn instance() -> Instance {
+        let side: Box<dyn Side> = Box::new(Sum::new());
+        let variables = side.variables().clone();
+        Instance { name: "i".into(), mode: Instantiated, time: 0.0, start: 0.0, side, variables, is_logging: false, may_return_early: true }
+    }
+
+    fn in_step_mode() -> Instance {
+        let mut i = instance();
+        i.enter_initialization(0.0, None).and_then(|()| i.exit_initialization()).unwrap();
+        i
+    }
+
+    #[test]
+    fn every_call_belongs_in_its_modes_and_nowhere_else() {
+        type Call = fn(&mut Instance) -> Result<(), UnitError>;
+        let calls: [(&str, Call, &[Mode]); 9] = [
+            ("enter", |i| i.enter_initialization(0.0, None), &[Instantiated]),
+            ("exit", Instance::exit_initialization, &[Initialization]),
+            ("step", |i| i.begin_step(i.time, 1.0).map(|_| ()), &[Step]),
+            ("get", |i| i.get(&[2], Kind::Float64, 2).map(|_| ()), &[Initialization, Step, Intermediate, Terminated]),
+            ("set", |i| i.set(&[1], Kind::Float64, &[0.5]), &[Instantiated, Initialization, Step]),
+            ("terminate", Instance::terminate, &[Step]),
+            ("reset", Instance::reset, &[Instantiated, Initialization, Step, Terminated]),
+            ("save", |i| i.save().map(|_| ()), &[Instantiated, Initialization, Step, Terminated]),
+            ("names", |i| i.words(&[3], 2).map(|_| ()), &Mode::ALL),
+        ];
+        for (name, call, modes) in calls {
+            for mode in Mode::ALL {
+                let mut i = instance();
+                i.mode = mode;
+                assert_eq!(call(&mut i).is_ok(), modes.contains(&mode), "{name} in {mode:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_refused_says_so_and_changes_nothing() {
+        let mut i = in_step_mode();
+        let before = i.save().unwrap();
+        let said = |result: Result<(), UnitError>| match result.unwrap_err() {
+            UnitError::Wrong(words) => words,
+            other => panic!("{other}"),
+        };
+        assert!(said(i.set(&[1], Kind::Float64, &[f64::NAN])).contains("a is NaN, must be from 0 to 1"));
+        assert!(said(i.set(&[1, 2], Kind::Float64, &[2.0, 0.0, 0.0])).contains("a is 2, must be from 0 to 1; sum is no input"));
+        assert!(said(i.set(&[1], Kind::Float64, &[0.5, 0.5])).contains("2 values for 1: a []"));
+        assert!(said(i.set(&[1], Kind::Boolean, &[1.0])).contains("is a Float64, not a Boolean"));
+        assert!(said(i.get(&[4], Kind::Float64, 1).map(|_| ())).contains("value references go from 0 to 3"));
+        for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(said(i.begin_step(0.0, size).map(|_| ())).contains("must be above 0"));
+        }
+        assert!(said(i.begin_step(-1.0, 1.0).map(|_| ())).contains("the unit is at 0 s"));
+        assert_eq!(i.save().unwrap(), before);
+    }
+
+    #[test]
+    fn a_state_goes_through_bytes_and_comes_back_whole_or_not_at_all() {
+        let mut i = in_step_mode();
+        i.set(&[1], Kind::Float64, &[0.25]).unwrap();
+        let state = i.save().unwrap();
+        assert_eq!(i.go_on(3.0, false).unwrap(), Progress::Done(3.0));
+        assert_eq!(i.get(&[0, 2], Kind::Float64, 3).unwrap(), [3.0, 0.25, -0.25]);
+        let bytes = state.to_bytes();
+        assert_eq!(bytes.len(), state.n_bytes());
+        i.restore(&SavedState::of_bytes(&bytes).unwrap()).unwrap();
+        assert_eq!((i.save().unwrap(), i.time()), (state.clone(), 0.0));
+        for n in 0..bytes.len() {
+            let cut = SavedState::of_bytes(&bytes[..n]).and_then(|state| i.restore(&state));
+            assert!(cut.is_err(), "{n} of {} bytes", bytes.len());
+        }
+        let other = SavedState { key: "another".into(), ..state };
+        assert!(i.restore(&other).unwrap_err().to_string().contains("another unit"));
+    }
+
+    #[test]
+    fn a_step_stops_where_it_is_watched() {
+        let mut i = in_step_mode();
+        assert_eq!(i.go_on(2.5, true).unwrap(), Progress::Between(1.0));
+        assert_eq!(i.go_on(2.5, true).unwrap(), Progress::Between(2.0));
+        assert_eq!(i.go_on(2.5, true).unwrap(), Progress::Done(2.5));
+        assert!(matches!(i.go_on(11.0, false), Err(UnitError::NoSolution(_))));
+        assert_eq!(i.time(), 2.5);
+    }
+}

@@ -65,3 +65,20 @@ impl<T: Clone> Registry<T> {
         self.len() == 0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Registry;
+
+    #[test]
+    fn a_handle_is_good_until_it_is_let_go_of_and_no_other_is() {
+        let registry = Registry::default();
+        let (a, b) = (registry.put("a"), registry.put("b"));
+        assert!(a != b && a != 0 && b != 0);
+        assert_eq!((registry.get(a), registry.get(0), registry.get(a.wrapping_add(7))), (Some("a"), None, None));
+        assert!(registry.replace(b, "c") && !registry.replace(0, "c"));
+        assert_eq!((registry.remove(a), registry.remove(a)), (Some("a"), None));
+        registry.retain(|thing| *thing != "c");
+        assert!(registry.is_empty());
+    }
+}

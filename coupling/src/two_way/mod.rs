@@ -100,6 +100,8 @@ pub struct Coupling {
     pub passes: Vec<Pass>,
     /// The last pass, per step; empty where there is none but the first.
     pub last: Vec<Coupled>,
+    /// What the thigh shows in the last pass, per step and muscle; empty where there is none but the first.
+    pub capacities: Vec<Vec<MuscleCapacity>>,
     /// Why the last pass is no settled result; empty where it is.
     pub shortcomings: Vec<String>,
 }
@@ -143,7 +145,7 @@ impl TwoWay<'_> {
         let seen: Vec<Vec<MuscleAction>> = first.iter().enumerate().map(|(k, f)| see(f, k)).collect();
         let shared: Vec<Shared> = self.steps.iter().map(|s| self.one_way(s)).collect::<Result<_, _>>()?;
         let passes = vec![self.pass(None, &shared, &seen)?];
-        let mut coupling = Coupling { passes, last: Vec::new(), shortcomings: Vec::new() };
+        let mut coupling = Coupling { passes, ..Coupling::default() };
         if most < 2 {
             coupling.shortcomings.push("two-way coupling: one pass is the one-way result".into());
             return Ok(coupling);
@@ -184,6 +186,7 @@ impl TwoWay<'_> {
             coupling.passes.push(pass);
             at = last.iter().map(|c| c.frame.clone()).collect();
             coupling.last = last;
+            coupling.capacities = (0..self.steps.len()).map(|k| self.capacities_in(&image, k)).collect();
             coupling.shortcomings = shared.into_iter().filter_map(|s| s.infeasible).collect();
             if change < TOLERANCE {
                 return Ok(coupling);
@@ -244,6 +247,11 @@ impl TwoWay<'_> {
 
     fn capacity_in(&self, x: &DVector<f64>, step: usize, muscle: usize) -> MuscleCapacity {
         MuscleCapacity::of_scaled(&x.as_slice()[self.at(step, muscle)..][..N])
+    }
+
+    /// Those of all muscles.
+    fn capacities_in(&self, x: &DVector<f64>, step: usize) -> Vec<MuscleCapacity> {
+        (0..self.thigh.muscles.len()).map(|m| self.capacity_in(x, step, m)).collect()
     }
 
     /// The frame of a step in the one-way drive.
@@ -309,8 +317,7 @@ impl TwoWay<'_> {
     /// Force sharing at a step with a capacity.
     fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, StudyError> {
         let model = &self.done.model;
-        let capacities: Vec<MuscleCapacity> =
-            (0..self.thigh.muscles.len()).map(|m| self.capacity_in(x, k, m)).collect();
+        let capacities = self.capacities_in(x, k);
         let lines: Vec<Vec<usize>> = (0..self.thigh.muscles.len()).map(|m| self.lines(m)).collect();
         let problem = sharing_problem(model, &self.done.loads, step.row, self.units, &lines, &capacities)
             .ok_or_else(|| no_loads(step))?;
@@ -517,6 +524,27 @@ pub fn write_missing(
                 pass.lacking[k][m].iter().try_for_each(|v| write!(w, ",{v:.5}"))?;
                 writeln!(w)?;
             }
+        }
+    }
+    Ok(())
+}
+
+/// `capacities.csv`: what every muscle can do at every step as the last pass shows it, to the last bit.
+pub fn write_capacities(
+    w: &mut dyn Write,
+    thigh: &Thigh,
+    steps: &[RigidStep],
+    capacities: &[Vec<MuscleCapacity>],
+) -> io::Result<()> {
+    write!(w, "step,muscle,elongation_m,tissue_N,through_belly")?;
+    COORDINATES.iter().try_for_each(|coordinate| write!(w, ",{coordinate}_m"))?;
+    writeln!(w)?;
+    for (step, of_step) in steps.iter().zip(capacities) {
+        for (muscle, c) in thigh.muscles.iter().zip(of_step) {
+            let MuscleCapacity { shift, tissue, through_belly, lever_arms } = c;
+            write!(w, "{},{},{shift:?},{tissue:?},{through_belly:?}", step.name.name(), muscle.name)?;
+            lever_arms.iter().try_for_each(|arm| write!(w, ",{arm:?}"))?;
+            writeln!(w)?;
         }
     }
     Ok(())

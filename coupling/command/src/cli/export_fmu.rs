@@ -89,6 +89,13 @@ pub fn run(arguments: &ExportArguments, quiet: bool) -> Result<Outcome, CommandE
     if is_thigh && !scene.deformable {
         return Err(said(&format!("the scene `{}` has no muscles that deform, and so no thigh", scene.name)));
     }
+    if let Some(unit) = &scene.controller {
+        return Err(said(&format!(
+            "the scene `{}` names a controller, {}, which a master couples by itself; take controller out of the scene",
+            scene.name,
+            unit.display()
+        )));
+    }
     let has = |extra: Extra| arguments.also.contains(&extra);
     let extras = Extras { displacements: has(Extra::Displacements), stiffness: has(Extra::Stiffness) };
     // Before anything is computed.
