@@ -50,7 +50,7 @@ class Unit:
 
     def names(self, name):
         """Texts of a constant."""
-        return list(self.variables[name].start)
+        return self.fmu.getString([self.variables[name].valueReference], nValues=math.prod(self.shape(name)))
 
     def shape(self, name):
         return tuple(int(d.start) for d in self.variables[name].dimensions)

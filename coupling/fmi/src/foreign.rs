@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use multibody::error::nearest;
-use quick_xml::Reader;
+use quick_xml::{Reader, XmlVersion};
 use quick_xml::events::{BytesStart, Event};
 
 use crate::error::UnitError;
@@ -111,23 +111,23 @@ fn describe(xml: &str) -> Result<Described, String> {
             Event::Start(e) | Event::Empty(e) => {
                 let is_empty = matches!(event, Event::Empty(_));
                 match e.name().as_ref() {
-                    b"fmiModelDescription" => {
+                    "fmiModelDescription" => {
                         described.version = attribute(e, "fmiVersion").unwrap_or_default();
                         let token = attribute(e, "instantiationToken").or_else(|| attribute(e, "guid"));
                         described.token = token.unwrap_or_default();
                     }
-                    b"CoSimulation" => {
+                    "CoSimulation" => {
                         described.identifier = attribute(e, "modelIdentifier").unwrap_or_default();
                     }
-                    b"ScalarVariable" => open = output(e),
-                    b"Real" => described.outputs.extend(open.take()),
-                    b"Float64" if is_empty => described.outputs.extend(output(e)),
-                    b"Float64" => open = output(e),
-                    b"Dimension" => open = None,
+                    "ScalarVariable" => open = output(e),
+                    "Real" => described.outputs.extend(open.take()),
+                    "Float64" if is_empty => described.outputs.extend(output(e)),
+                    "Float64" => open = output(e),
+                    "Dimension" => open = None,
                     _ => {}
                 }
             }
-            Event::End(e) if e.name().as_ref() == b"Float64" => described.outputs.extend(open.take()),
+            Event::End(e) if e.name().as_ref() == "Float64" => described.outputs.extend(open.take()),
             _ => {}
         }
     }
@@ -142,7 +142,7 @@ fn output(e: &BytesStart) -> Option<(String, u32)> {
 
 fn attribute(e: &BytesStart, name: &str) -> Option<String> {
     let found = e.try_get_attribute(name).ok()??;
-    found.unescape_value().ok().map(|value| value.into_owned())
+    found.normalized_value(XmlVersion::Implicit1_0).ok().map(|value| value.into_owned())
 }
 
 #[cfg(test)]
