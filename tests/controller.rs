@@ -28,7 +28,10 @@ fn unit(folder: &Path, version: u8, names: [&str; 3], declared: &str) -> PathBuf
         .expect("a C compiler, as Rust needs one to link");
     assert!(compiled.success());
     let variable = |(k, name): (usize, &&str)| match version {
-        2 => format!("<ScalarVariable name=\"{name}\" valueReference=\"{}\" causality=\"output\"><Real/></ScalarVariable>", 7 + k),
+        2 => format!(
+            "<ScalarVariable name=\"{name}\" valueReference=\"{}\" causality=\"output\"><Real/></ScalarVariable>",
+            7 + k
+        ),
         _ => format!("<Float64 name=\"{name}\" valueReference=\"{}\" causality=\"output\"/>", 7 + k),
     };
     let variables: String = names.iter().enumerate().map(variable).collect();
@@ -49,7 +52,10 @@ fn unit(folder: &Path, version: u8, names: [&str; 3], declared: &str) -> PathBuf
         zip.write_all(content).unwrap();
     };
     add("modelDescription.xml", xml.as_bytes());
-    add(&format!("binaries/{binaries}/controller{}", std::env::consts::DLL_SUFFIX), &std::fs::read(library).unwrap());
+    add(
+        &format!("binaries/{binaries}/controller{}", std::env::consts::DLL_SUFFIX),
+        &std::fs::read(library).unwrap(),
+    );
     zip.finish().unwrap();
     file
 }
@@ -58,7 +64,8 @@ fn compare(folder: &Path, scene: &str, out: &str, more: &[&str]) -> u8 {
     let file = folder.join("mine.toml");
     std::fs::write(&file, scene).unwrap();
     let out = folder.join(out);
-    let arguments = ["sartorius", "compare", file.to_str().unwrap(), "--quiet", "--out", out.to_str().unwrap()];
+    let arguments =
+        ["sartorius", "compare", file.to_str().unwrap(), "--quiet", "--out", out.to_str().unwrap()];
     command::cli::run(arguments.iter().chain(more).map(Into::into))
 }
 
@@ -69,7 +76,8 @@ fn a_unit_of_somebody_else_drives_the_thigh() {
     // The same activations given to the thigh by hand.
     let prepared = Prepared::new(parsed(), None, &mut |_| ()).unwrap();
     let steps = prepared.steps.clone();
-    let side = ThighSide::new(prepared, Configuration::WithoutContact, None, &folder.path().join("out")).unwrap();
+    let side =
+        ThighSide::new(prepared, Configuration::WithoutContact, None, &folder.path().join("out")).unwrap();
     let rigid = RigidSide::new(Sized::new(parsed(), None).unwrap(), Default::default()).unwrap();
     let start = rigid.times()[0];
     let (mut rigid, mut thigh) = (RigidSession::new(Arc::new(rigid)), ThighSession::new(Arc::new(side)));

@@ -150,7 +150,8 @@ fn what_cannot_be_is_refused_with_what_it_must_be() {
 #[test]
 fn forces_on_the_bones_add_up_to_nothing_and_work_on_them_is_that_of_the_muscles() {
     let known = known();
-    for side in &known.thighs {
+    // Round-off; in contact muscles press at collision points, and the wrenches are of nodes.
+    for (side, tolerance) in known.thighs.iter().zip([1e-9, 1e-6]) {
         let mut rigid = RigidSession::new(known.rigid.clone());
         let mut thigh = ThighSession::new(side.clone());
         carry(&mut rigid, &mut thigh, known.comparison.steps[1].time);
@@ -165,9 +166,14 @@ fn forces_on_the_bones_add_up_to_nothing_and_work_on_them_is_that_of_the_muscles
         // What pulls and presses at the bones are muscles, each with its own moment.
         for c in 0..MOVED {
             let pairs = result.wrenches.iter().zip(&told.twists);
-            let work: f64 = pairs.map(|(w, t)| w.iter().zip(&t[c]).map(|(w, t)| w * t).sum::<f64>()).sum();
+            let works: Vec<f64> = pairs.flat_map(|(w, t)| w.iter().zip(&t[c]).map(|(w, t)| w * t)).collect();
+            let (work, size) = (works.iter().sum::<f64>(), works.iter().map(|w| w.abs()).sum::<f64>());
             let moments: f64 = result.muscles.iter().map(|m| m.moments[c]).sum();
-            assert!((work - moments).abs() < 1e-9 * (1.0 + moments.abs()), "coordinate {c}: {work} and {moments} N m");
+            let off = (work - moments).abs();
+            assert!(
+                off < tolerance * (1e-3 + size),
+                "coordinate {c}: {work} and {moments} N m, of {size} N m"
+            );
         }
     }
 }

@@ -115,7 +115,8 @@ def test_every_function_of_the_standard_is_there_and_takes_nothing_amiss(units):
     functions = sorted(set(re.findall(r"\b(fmi3\w+)TYPE\b", header)))
     assert len(functions) == 75, len(functions)
     unit = units("rigid")
-    library = unit.fmu.dll
+    # Functions without the types that FMPy gives them.
+    library = ctypes.CDLL(unit.fmu.dll._name)
     instance = ctypes.c_void_p(unit.fmu.component)
     foreign = ctypes.c_void_p(0x1000)
     for name in functions:
@@ -185,15 +186,19 @@ def test_a_state_goes_back_to_the_last_bit(units, folder, name):
     assert everything() == at_second
     # A state of the other side, damaged bytes, a state that was freed.
     stranger = units("rigid" if name != "rigid" else "alone")
-    wrong(lambda: stranger.fmu.setFMUState(saved[0]), "another unit")
+    wrong(lambda: stranger.fmu.setFMUState(saved[0]), "no state of this library")
+    wrong(lambda: stranger.fmu.setFMUState(stranger.fmu.deserializeFMUState(written)), "another unit")
     for damaged in (written[:40], written[:-3], b"\0" * len(written), written[:18]):
         def take():
             state = other.fmu.deserializeFMUState(damaged)
             other.fmu.setFMUState(state)
         wrong(take)
     assert everything() == at_second
-    other.fmu.freeFMUState(saved[0])
-    wrong(lambda: other.fmu.setFMUState(ctypes.c_void_p(12345)), "no state of this library")
+    own = other.fmu.getFMUState()
+    freed = ctypes.c_void_p(own.value)
+    other.fmu.freeFMUState(own)
+    for gone in (freed, ctypes.c_void_p(12345), ctypes.c_void_p()):
+        wrong(lambda: other.fmu.setFMUState(gone), "no state of this library, or it was freed")  # noqa: B023
 
 
 def test_bad_input_is_refused_with_words_and_changes_nothing(units, folder):
@@ -221,23 +226,6 @@ def test_bad_input_is_refused_with_words_and_changes_nothing(units, folder):
     rigid = units("rigid")
     rigid.fmu.enterInitializationMode(startTime=100.0)
     wrong(rigid.fmu.exitInitializationMode, "the trial has no frame at 100 s")
-
-
-def test_a_step_without_solution_is_discarded_and_the_unit_stays(units):
-    thigh = units("alone")
-    thigh.initialize(0.0)
-    before = bits(thigh.get("displacement"))
-    # The patella half a metre away: no muscle bears that.
-    thigh.set("patella.pose", [0.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0])
-    thigh.set("shank.pose", [0.0, -3.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    with pytest.raises(fmpy.fmi1.FMICallException) as caught:
-        thigh.step_to(1.0)
-    assert caught.value.status == fmi3.fmi3Discard and SAID
-    assert bits(thigh.get("displacement")) == before
-    thigh.set("patella.pose", REST)
-    thigh.set("shank.pose", REST)
-    thigh.time = 0.0
-    thigh.step_to(1.0)
 
 
 def test_resources_of_another_unit_are_refused(folder):

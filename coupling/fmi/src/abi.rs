@@ -12,9 +12,10 @@ use std::path::Path;
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 use crate::error::UnitError;
-use crate::instance::{Instance, Progress, SavedState};
+use crate::instance::{Instance, Progress};
 use crate::registry::Registry;
 use crate::resources::load;
+use crate::saved::SavedState;
 use crate::variable::Kind;
 
 type Handle = *mut c_void;
@@ -574,6 +575,6 @@ impl Held {
         }
         self.lock().show(false);
         // A time that is none means now.
-        (wants != 0 && may_return).then(|| if when > time { when } else { time })
+        (wants != 0 && may_return).then_some(if when > time { when } else { time })
     }
 }

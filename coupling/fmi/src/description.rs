@@ -4,7 +4,7 @@ use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 
 use crate::instance::CATEGORIES;
-use crate::side::Model;
+use crate::model::Model;
 use crate::variable::{Causality, Kind, UNITS, Variable};
 
 /// Name of the library in a unit.

@@ -8,8 +8,8 @@ use zip::{CompressionMethod, ZipWriter};
 
 use crate::description::{Description, IDENTIFIER};
 use crate::error::UnitError;
+use crate::model::Model;
 use crate::resources::Resources;
-use crate::side::Model;
 
 /// Folder of the library in a unit, and its file name, for the machine that this is compiled for (FMI 3.0, 2.5.1.4).
 pub fn library_name() -> Result<String, UnitError> {

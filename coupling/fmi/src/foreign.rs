@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use multibody::error::nearest;
-use quick_xml::{Reader, XmlVersion};
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 
 use crate::error::UnitError;
 use crate::host::{Library, Version};
@@ -35,14 +35,17 @@ pub fn activations(
     let archive = zip::ZipArchive::new(archive).and_then(|mut zip| zip.extract(folder.path()));
     archive.map_err(|e| bad(format!("it is no unit: {e}")))?;
     let xml = folder.path().join("modelDescription.xml");
-    let xml = std::fs::read_to_string(&xml).map_err(|e| bad(format!("it has no modelDescription.xml: {e}")))?;
+    let xml =
+        std::fs::read_to_string(&xml).map_err(|e| bad(format!("it has no modelDescription.xml: {e}")))?;
     let described = describe(&xml).map_err(|e| bad(format!("modelDescription.xml: {e}")))?;
     let version = match described.version.split('.').next() {
         Some("2") => Version::Two,
         Some("3") => Version::Three,
         _ => {
             let found = &described.version;
-            return Err(bad(format!("it is a unit of FMI {found}; a controller is one for co-simulation of FMI 2 or 3")));
+            return Err(bad(format!(
+                "it is a unit of FMI {found}; a controller is one for co-simulation of FMI 2 or 3"
+            )));
         }
     };
     if described.identifier.is_empty() {
@@ -163,7 +166,10 @@ mod tests {
             <Float64 name="c" valueReference="3" causality="local"/></ModelVariables></fmiModelDescription>"#;
         for (xml, version, names) in [(two, "2.0", &["a"][..]), (three, "3.0", &["a", "d"])] {
             let found = describe(xml).unwrap();
-            assert_eq!((found.version.as_str(), found.token.as_str(), found.identifier.as_str()), (version, "{g}", "c"));
+            assert_eq!(
+                (found.version.as_str(), found.token.as_str(), found.identifier.as_str()),
+                (version, "{g}", "c")
+            );
             assert!(found.outputs.keys().eq(names), "{:?}", found.outputs);
         }
         assert!(describe("<fmiModelDescription").is_err());

@@ -69,7 +69,7 @@ unsafe extern "C" fn free(at: Handle) {
 
 /// Calls a function of the library by its name and type; the error says that there is none.
 macro_rules! call {
-    ($library:expr, $name:literal, fn($($kind:ty),*) -> $result:ty, $($value:expr),*) => {{
+    ($library:expr, $name:literal, fn($($kind:ty),* $(,)?) -> $result:ty, $($value:expr),* $(,)?) => {{
         // SAFETY: the function has this type by the standard.
         let found: Result<Symbol<unsafe extern "C" fn($($kind),*) -> $result>, _> = unsafe { $library.get($name) };
         let name = || String::from_utf8_lossy($name).into_owned();
@@ -88,28 +88,66 @@ fn fine(name: &str, status: c_int) -> Result<(), String> {
 
 impl Library {
     /// An instance of the unit in a library.
-    pub fn instantiate(file: &Path, version: Version, token: &str, resources: &Path) -> Result<Library, String> {
+    pub fn instantiate(
+        file: &Path,
+        version: Version,
+        token: &str,
+        resources: &Path,
+    ) -> Result<Library, String> {
         let text = |s: &str| CString::new(s).map_err(|_| format!("`{s}` has a null in it"));
         // SAFETY: a person names this unit to be run.
         let library = unsafe { libloading::Library::new(file) }.map_err(|e| e.to_string())?;
-        let callbacks = Box::new(Callbacks { log: log_2, allocate, free, finished: None, environment: null_mut() });
+        let callbacks =
+            Box::new(Callbacks { log: log_2, allocate, free, finished: None, environment: null_mut() });
         let (name, token) = (text("controller")?, text(token)?);
         let path = resources.to_string_lossy();
         let instance = match version {
             Version::Two => {
                 let resources = text(&format!("file://{path}"))?;
                 call!(
-                    library, b"fmi2Instantiate", fn(Text, c_int, Text, Text, *const Callbacks, c_int, c_int) -> Handle,
-                    name.as_ptr(), 1, token.as_ptr(), resources.as_ptr(), &raw const *callbacks, 0, 0
+                    library,
+                    b"fmi2Instantiate",
+                    fn(Text, c_int, Text, Text, *const Callbacks, c_int, c_int) -> Handle,
+                    name.as_ptr(),
+                    1,
+                    token.as_ptr(),
+                    resources.as_ptr(),
+                    &raw const *callbacks,
+                    0,
+                    0
                 )?
             }
             Version::Three => {
                 let resources = text(&format!("{path}{}", std::path::MAIN_SEPARATOR))?;
                 call!(
-                    library, b"fmi3InstantiateCoSimulation",
-                    fn(Text, Text, Text, u8, u8, u8, u8, *const u32, usize, Handle,
-                       unsafe extern "C" fn(Handle, c_int, Text, Text), *const c_void) -> Handle,
-                    name.as_ptr(), token.as_ptr(), resources.as_ptr(), 0, 0, 0, 0, null(), 0, null_mut(), log_3, null()
+                    library,
+                    b"fmi3InstantiateCoSimulation",
+                    fn(
+                        Text,
+                        Text,
+                        Text,
+                        u8,
+                        u8,
+                        u8,
+                        u8,
+                        *const u32,
+                        usize,
+                        Handle,
+                        unsafe extern "C" fn(Handle, c_int, Text, Text),
+                        *const c_void,
+                    ) -> Handle,
+                    name.as_ptr(),
+                    token.as_ptr(),
+                    resources.as_ptr(),
+                    0,
+                    0,
+                    0,
+                    0,
+                    null(),
+                    0,
+                    null_mut(),
+                    log_3,
+                    null()
                 )?
             }
         };
@@ -125,20 +163,43 @@ impl Library {
         match self.version {
             Version::Two => {
                 let set = call!(
-                    library, b"fmi2SetupExperiment", fn(Handle, c_int, f64, f64, c_int, f64) -> c_int,
-                    instance, 0, 0.0, start, 0, 0.0
+                    library,
+                    b"fmi2SetupExperiment",
+                    fn(Handle, c_int, f64, f64, c_int, f64) -> c_int,
+                    instance,
+                    0,
+                    0.0,
+                    start,
+                    0,
+                    0.0
                 )?;
                 fine("fmi2SetupExperiment", set)?;
-                fine("fmi2EnterInitializationMode", call!(library, b"fmi2EnterInitializationMode", fn(Handle) -> c_int, instance)?)?;
-                fine("fmi2ExitInitializationMode", call!(library, b"fmi2ExitInitializationMode", fn(Handle) -> c_int, instance)?)
+                fine(
+                    "fmi2EnterInitializationMode",
+                    call!(library, b"fmi2EnterInitializationMode", fn(Handle) -> c_int, instance)?,
+                )?;
+                fine(
+                    "fmi2ExitInitializationMode",
+                    call!(library, b"fmi2ExitInitializationMode", fn(Handle) -> c_int, instance)?,
+                )
             }
             Version::Three => {
                 let entered = call!(
-                    library, b"fmi3EnterInitializationMode", fn(Handle, u8, f64, f64, u8, f64) -> c_int,
-                    instance, 0, 0.0, start, 0, 0.0
+                    library,
+                    b"fmi3EnterInitializationMode",
+                    fn(Handle, u8, f64, f64, u8, f64) -> c_int,
+                    instance,
+                    0,
+                    0.0,
+                    start,
+                    0,
+                    0.0
                 )?;
                 fine("fmi3EnterInitializationMode", entered)?;
-                fine("fmi3ExitInitializationMode", call!(library, b"fmi3ExitInitializationMode", fn(Handle) -> c_int, instance)?)
+                fine(
+                    "fmi3ExitInitializationMode",
+                    call!(library, b"fmi3ExitInitializationMode", fn(Handle) -> c_int, instance)?,
+                )
             }
         }
     }
@@ -148,14 +209,31 @@ impl Library {
         let (library, instance) = (&self.library, self.instance);
         match self.version {
             Version::Two => {
-                let done = call!(library, b"fmi2DoStep", fn(Handle, f64, f64, c_int) -> c_int, instance, from, size, 1)?;
+                let done = call!(
+                    library,
+                    b"fmi2DoStep",
+                    fn(Handle, f64, f64, c_int) -> c_int,
+                    instance,
+                    from,
+                    size,
+                    1
+                )?;
                 fine("fmi2DoStep", done)
             }
             Version::Three => {
                 let (mut event, mut ends, mut early, mut last) = (0_u8, 0_u8, 0_u8, 0.0_f64);
                 let done = call!(
-                    library, b"fmi3DoStep", fn(Handle, f64, f64, u8, *mut u8, *mut u8, *mut u8, *mut f64) -> c_int,
-                    instance, from, size, 1, &raw mut event, &raw mut ends, &raw mut early, &raw mut last
+                    library,
+                    b"fmi3DoStep",
+                    fn(Handle, f64, f64, u8, *mut u8, *mut u8, *mut u8, *mut f64) -> c_int,
+                    instance,
+                    from,
+                    size,
+                    1,
+                    &raw mut event,
+                    &raw mut ends,
+                    &raw mut early,
+                    &raw mut last
                 )?;
                 fine("fmi3DoStep", done)?;
                 if ends != 0 { Err(format!("it ends the simulation at {last} s")) } else { Ok(()) }
@@ -169,12 +247,23 @@ impl Library {
         let mut values = vec![f64::NAN; n];
         let status = match self.version {
             Version::Two => call!(
-                library, b"fmi2GetReal", fn(Handle, *const u32, usize, *mut f64) -> c_int,
-                instance, references.as_ptr(), n, values.as_mut_ptr()
+                library,
+                b"fmi2GetReal",
+                fn(Handle, *const u32, usize, *mut f64) -> c_int,
+                instance,
+                references.as_ptr(),
+                n,
+                values.as_mut_ptr()
             )?,
             Version::Three => call!(
-                library, b"fmi3GetFloat64", fn(Handle, *const u32, usize, *mut f64, usize) -> c_int,
-                instance, references.as_ptr(), n, values.as_mut_ptr(), n
+                library,
+                b"fmi3GetFloat64",
+                fn(Handle, *const u32, usize, *mut f64, usize) -> c_int,
+                instance,
+                references.as_ptr(),
+                n,
+                values.as_mut_ptr(),
+                n
             )?,
         };
         fine("getting values", status)?;

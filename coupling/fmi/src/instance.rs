@@ -3,39 +3,11 @@
 use std::sync::Arc;
 
 use crate::error::UnitError;
-use crate::side::{Model, Side};
+use crate::model::Model;
+use crate::saved::Mode::{self, Initialization, Instantiated, Intermediate, Step, Terminated};
+use crate::saved::SavedState;
+use crate::side::Side;
 use crate::variable::{Causality, Kind, Variable};
-
-/// Where a unit is in its life (FMI 3.0, 2.3.1 and 4.2.1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
-    /// Made, or reset.
-    Instantiated,
-    /// Inputs are set before the first step.
-    Initialization,
-    /// Steps are done.
-    Step,
-    /// Within a step, while the master looks at it.
-    Intermediate,
-    /// No more steps.
-    Terminated,
-}
-
-use Mode::{Initialization, Instantiated, Intermediate, Step, Terminated};
-
-impl Mode {
-    const ALL: [Mode; 5] = [Instantiated, Initialization, Step, Intermediate, Terminated];
-
-    fn name(self) -> &'static str {
-        match self {
-            Instantiated => "instantiated",
-            Initialization => "initialization mode",
-            Step => "step mode",
-            Intermediate => "an intermediate update",
-            Terminated => "terminated",
-        }
-    }
-}
 
 /// Categories of messages.
 pub const CATEGORIES: [(&str, &str); 3] = [
@@ -43,52 +15,6 @@ pub const CATEGORIES: [(&str, &str); 3] = [
     ("logStatusDiscard", "A step that has no solution; these are always told"),
     ("logEvents", "What the unit does; told while logging is on"),
 ];
-
-/// A state that a master keeps.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SavedState {
-    key: String,
-    mode: Mode,
-    time: f64,
-    bytes: Vec<u8>,
-}
-
-/// Version of the layout of [`SavedState::to_bytes`].
-const LAYOUT: u8 = 1;
-
-impl SavedState {
-    /// As bytes, from which [`SavedState::of_bytes`] makes the same.
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let mode = Mode::ALL.iter().position(|m| *m == self.mode).expect("every mode is listed") as u8;
-        let mut bytes = vec![LAYOUT, mode];
-        bytes.extend(self.time.to_bits().to_le_bytes());
-        bytes.extend((self.key.len() as u64).to_le_bytes());
-        bytes.extend(self.key.as_bytes());
-        bytes.extend(&self.bytes);
-        bytes
-    }
-
-    /// Number of these bytes.
-    pub fn n_bytes(&self) -> usize {
-        18 + self.key.len() + self.bytes.len()
-    }
-
-    /// Reads them; the sides examine what is inside when it is taken over.
-    pub fn of_bytes(bytes: &[u8]) -> Result<SavedState, UnitError> {
-        let bad = || UnitError::wrong("these bytes are no state of a unit of this version");
-        let (head, rest) = bytes.split_at_checked(18).ok_or_else(bad)?;
-        let number = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| head[at + i]));
-        let mode = *Mode::ALL.get(usize::from(head[1])).ok_or_else(bad)?;
-        let time = f64::from_bits(number(2));
-        let n = usize::try_from(number(10)).map_err(|_| bad())?;
-        let (key, rest) = rest.split_at_checked(n).ok_or_else(bad)?;
-        let key = std::str::from_utf8(key).map_err(|_| bad())?.to_string();
-        if head[0] != LAYOUT || !time.is_finite() || mode == Intermediate {
-            return Err(bad());
-        }
-        Ok(SavedState { key, mode, time, bytes: rest.to_vec() })
-    }
-}
 
 /// An instance of a unit.
 pub struct Instance {
@@ -425,7 +351,16 @@ mod tests {
     fn instance() -> Instance {
         let side: Box<dyn Side> = Box::new(Sum::new());
         let variables = side.variables().clone();
-        Instance { name: "i".into(), mode: Instantiated, time: 0.0, start: 0.0, side, variables, is_logging: false, may_return_early: true }
+        Instance {
+            name: "i".into(),
+            mode: Instantiated,
+            time: 0.0,
+            start: 0.0,
+            side,
+            variables,
+            is_logging: false,
+            may_return_early: true,
+        }
     }
 
     fn in_step_mode() -> Instance {
@@ -441,7 +376,11 @@ mod tests {
             ("enter", |i| i.enter_initialization(0.0, None), &[Instantiated]),
             ("exit", Instance::exit_initialization, &[Initialization]),
             ("step", |i| i.begin_step(i.time, 1.0).map(|_| ()), &[Step]),
-            ("get", |i| i.get(&[2], Kind::Float64, 2).map(|_| ()), &[Initialization, Step, Intermediate, Terminated]),
+            (
+                "get",
+                |i| i.get(&[2], Kind::Float64, 2).map(|_| ()),
+                &[Initialization, Step, Intermediate, Terminated],
+            ),
             ("set", |i| i.set(&[1], Kind::Float64, &[0.5]), &[Instantiated, Initialization, Step]),
             ("terminate", Instance::terminate, &[Step]),
             ("reset", Instance::reset, &[Instantiated, Initialization, Step, Terminated]),
@@ -466,7 +405,10 @@ mod tests {
             other => panic!("{other}"),
         };
         assert!(said(i.set(&[1], Kind::Float64, &[f64::NAN])).contains("a is NaN, must be from 0 to 1"));
-        assert!(said(i.set(&[1, 2], Kind::Float64, &[2.0, 0.0, 0.0])).contains("a is 2, must be from 0 to 1; sum is no input"));
+        assert!(
+            said(i.set(&[1, 2], Kind::Float64, &[2.0, 0.0, 0.0]))
+                .contains("a is 2, must be from 0 to 1; sum is no input")
+        );
         assert!(said(i.set(&[1], Kind::Float64, &[0.5, 0.5])).contains("2 values for 1: a []"));
         assert!(said(i.set(&[1], Kind::Boolean, &[1.0])).contains("is a Float64, not a Boolean"));
         assert!(said(i.get(&[4], Kind::Float64, 1).map(|_| ())).contains("value references go from 0 to 3"));

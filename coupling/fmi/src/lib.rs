@@ -16,9 +16,11 @@ pub mod foreign;
 #[allow(unsafe_code)]
 mod host;
 pub mod instance;
+pub mod model;
 pub mod registry;
 pub mod resources;
 pub mod rigid;
+pub mod saved;
 pub mod side;
 pub mod thigh;
 pub mod variable;

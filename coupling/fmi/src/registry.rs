@@ -75,7 +75,10 @@ mod tests {
         let registry = Registry::default();
         let (a, b) = (registry.put("a"), registry.put("b"));
         assert!(a != b && a != 0 && b != 0);
-        assert_eq!((registry.get(a), registry.get(0), registry.get(a.wrapping_add(7))), (Some("a"), None, None));
+        assert_eq!(
+            (registry.get(a), registry.get(0), registry.get(a.wrapping_add(7))),
+            (Some("a"), None, None)
+        );
         assert!(registry.replace(b, "c") && !registry.replace(0, "c"));
         assert_eq!((registry.remove(a), registry.remove(a)), (Some("a"), None));
         registry.retain(|thing| *thing != "c");

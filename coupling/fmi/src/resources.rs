@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::error::UnitError;
-use crate::side::Model;
+use crate::model::Model;
 use crate::thigh::Extras;
 
 /// Which side a unit is.

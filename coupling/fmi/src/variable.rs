@@ -125,7 +125,7 @@ impl Variable {
     /// Refuses values that are not finite or out of range; as many as the variable has.
     pub fn examine(&self, values: &[f64]) -> Result<(), String> {
         let [least, most] = self.range;
-        let wrong = |v: &f64| !v.is_finite() || !(*v >= least && *v <= most);
+        let wrong = |v: &f64| !(v.is_finite() && *v >= least && *v <= most);
         let all: Vec<String> = values
             .iter()
             .enumerate()

@@ -273,7 +273,8 @@ impl SceneFile {
         let natural = if at_heel_strike { Fibres::Thermal } else { Fibres::Hill };
         let fibres = self.effects.fibres.unwrap_or(natural);
         if let Some(unit) = self.controller.as_ref().filter(|_| fibres != Fibres::Hill) {
-            let remedy = "only Hill fibres have activations: set effects.fibres = \"hill\", or take controller out";
+            let remedy =
+                "only Hill fibres have activations: set effects.fibres = \"hill\", or take controller out";
             let line = at.line(unit.span().start);
             wrong.note(at.bad(line, "controller", format!("`{}`", unit.get_ref().display()), remedy));
         }

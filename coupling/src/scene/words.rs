@@ -131,7 +131,9 @@ impl Scene {
         }
         if let Some(unit) = &self.controller {
             let unit = unit.file_name().unwrap_or_default().to_string_lossy();
-            simulated.push(format!("Activations as the unit {unit} says them, in place of the static optimization's."));
+            simulated.push(format!(
+                "Activations as the unit {unit} says them, in place of the static optimization's."
+            ));
         }
         match self.shells {
             true => simulated.push("Shells around the muscles (aponeuroses).".into()),

@@ -240,12 +240,16 @@ impl Prepared {
                 if !(0.0..=MOST_ACTIVE).contains(a) {
                     wrong.push(format!("{} at {} is {a}", muscle.name, step.name.name()));
                 }
-                let lines = step.muscles.iter_mut().filter(|m| m.name == muscle.name).flat_map(|m| &mut m.lines);
+                let lines =
+                    step.muscles.iter_mut().filter(|m| m.name == muscle.name).flat_map(|m| &mut m.lines);
                 lines.for_each(|line| line.activation = *a);
             }
         }
         if !wrong.is_empty() {
-            let words = format!("activations of the controller: {}; must be from 0 to {MOST_ACTIVE}", wrong.join(", "));
+            let words = format!(
+                "activations of the controller: {}; must be from 0 to {MOST_ACTIVE}",
+                wrong.join(", ")
+            );
             return Err(StudyError::Option(words));
         }
         self.controlled = Some(activations);

@@ -311,7 +311,9 @@ pub(super) fn carry_out(
             write_capacities(w, &comparison.thigh, &comparison.steps, &capacities)
         })?;
     } else {
-        ["passes.csv", "missing_moments.csv", "capacities.csv"].iter().try_for_each(|file| out.remove(file))?;
+        ["passes.csv", "missing_moments.csv", "capacities.csv"]
+            .iter()
+            .try_for_each(|file| out.remove(file))?;
     }
     let record = write_compare(out, &report, record)?;
     progress.lap("write");

@@ -8,8 +8,8 @@ use clap::{Args, ValueEnum};
 use sartorius_fmi::description::Description;
 use sartorius_fmi::error::UnitError;
 use sartorius_fmi::export::{find_library, unit};
+use sartorius_fmi::model::Model;
 use sartorius_fmi::resources::{Which, collect};
-use sartorius_fmi::side::Model;
 use sartorius_fmi::thigh::Extras;
 use sartorius_fmi::variable::Causality;
 
