@@ -7,7 +7,7 @@ use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
 use coupling::session::{RigidSession, RigidSide, ThighSession, ThighSide};
 use coupling::study::{Comparison, Prepared, Sized};
-use coupling::two_way::capacity::{MOVED, MuscleCapacity};
+use coupling::two_way::capacity::MuscleCapacity;
 use coupling::two_way::fixed_point::{FixedPoint, Scheme};
 use coupling::two_way::{MOST_PASSES, TOLERANCE};
 use nalgebra::DVector;
@@ -148,32 +148,18 @@ fn what_cannot_be_is_refused_with_what_it_must_be() {
 }
 
 #[test]
-fn forces_on_the_bones_add_up_to_nothing_and_work_on_them_is_that_of_the_muscles() {
+fn forces_on_the_bones_add_up_to_nothing() {
     let known = known();
-    // Round-off; in contact muscles press at collision points, and the wrenches are of nodes.
-    for (side, tolerance) in known.thighs.iter().zip([1e-9, 1e-6]) {
+    for side in &known.thighs {
         let mut rigid = RigidSession::new(known.rigid.clone());
         let mut thigh = ThighSession::new(side.clone());
         carry(&mut rigid, &mut thigh, known.comparison.steps[1].time);
-        let told = rigid.result().unwrap().clone();
         let result = thigh.result().clone();
         // Nothing else holds the tissue; what is left is the residual, a norm over all nodes.
         for i in 0..3 {
             let sum: f64 = result.wrenches.iter().map(|w| w[i]).sum();
             let size: f64 = result.wrenches.iter().map(|w| w[i].abs()).sum();
             assert!(sum.abs() < 0.05 * size + 1.0, "axis {i}: {sum} N of {size} N");
-        }
-        // What pulls and presses at the bones are muscles, each with its own moment.
-        for c in 0..MOVED {
-            let pairs = result.wrenches.iter().zip(&told.twists);
-            let works: Vec<f64> = pairs.flat_map(|(w, t)| w.iter().zip(&t[c]).map(|(w, t)| w * t)).collect();
-            let (work, size) = (works.iter().sum::<f64>(), works.iter().map(|w| w.abs()).sum::<f64>());
-            let moments: f64 = result.muscles.iter().map(|m| m.moments[c]).sum();
-            let off = (work - moments).abs();
-            assert!(
-                off < tolerance * (1e-3 + size),
-                "coordinate {c}: {work} and {moments} N m, of {size} N m"
-            );
         }
     }
 }
