@@ -24,7 +24,7 @@ from fmpy import fmi3
 from fmpy.validation import validate_fmu
 
 ROOT = pathlib.Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "examples"))
+sys.path.insert(0, str(ROOT / "coupling/fmi/examples"))
 from couple import Unit, couple, gait_steps  # noqa: E402
 
 SARTORIUS = os.environ.get("SARTORIUS", str(ROOT / "target/release/sartorius"))
@@ -344,7 +344,7 @@ def test_one_way_in_fmpy_is_compare(folder, units, tmp_path):
 @pytest.mark.parametrize("scheme", ["iqn-ils", "aitken", "relaxation"])
 def test_two_way_in_fmpy_is_compare_two_way(folder, units, tmp_path, scheme):
     sartorius("compare", folder / "three.toml", f"--two-way={scheme}", "--out", tmp_path / "compare")
-    script = [sys.executable, ROOT / "examples/couple.py", folder / "rigid.fmu", folder / "alone.fmu", "--two-way", scheme, "--out", tmp_path / "couple"]
+    script = [sys.executable, ROOT / "coupling/fmi/examples/couple.py", folder / "rigid.fmu", folder / "alone.fmu", "--two-way", scheme, "--out", tmp_path / "couple"]
     done = subprocess.run(list(map(str, script)), capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     passes = table(tmp_path / "compare/passes.csv")
