@@ -76,9 +76,7 @@ fn skin_that_slides_moves_the_centre_by_less_than_5_mm() {
         let flat = |e: Vector3<f64>| 1e3 * e.xy().norm();
         let (before, after) = (flat(error(&as_found, &truth)), flat(error(&corrected, &truth)));
         println!("slide {slide:?} m: {before:5.1} mm before, {after:4.1} mm after");
-        // The skin has slid a little already in the nearly straight knee: a fifth of the slide is left.
-        let largest = if slide[0].hypot(slide[1]) > 0.02 { 6.0 } else { 5.0 };
-        assert!(after < largest, "slide {slide:?}: {after}");
+        assert!(after < 5.0, "slide {slide:?}: {after}");
         if slide[0].hypot(slide[1]) >= 0.018 {
             assert!(
                 before > 10.0,
@@ -138,11 +136,18 @@ fn on_subject_dm_the_centre_comes_nearer_to_the_table() {
         let (found, _) = calibrate(&file.landmarks(Some(&data)).unwrap(), Sex::Male).unwrap();
         error(&found, &truth)
     };
+    let mut mean = Vector3::zeros();
     for motions in [&["og1"][..], &["og3"], &["og4"], &["og1", "og3", "og4"]] {
         let (before, after) = (of(motions, KneeRule::Functional), of(motions, KneeRule::Patella));
         let mm = |e: Vector3<f64>| format!("{:.1} forward, {:.1} up", 1e3 * e.x, 1e3 * e.y);
         println!("{motions:?}: {} mm before, {} mm after", mm(before), mm(after));
         assert!(before.x > 8e-3 && before.y > 8e-3, "{motions:?}: {before}");
         assert!(after.xy().norm() < 5e-3, "{motions:?}: {after}");
+        if motions.len() == 1 {
+            mean += after / 3.0;
+        }
     }
+    // Distance and height are the means of this subject: on average over its recordings nothing is left.
+    println!("mean {:.2} forward, {:.2} up", 1e3 * mean.x, 1e3 * mean.y);
+    assert!(mean.xy().amax() < 0.2e-3, "{mean}");
 }

@@ -21,7 +21,7 @@ use mesher::limb::Limb;
 use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::StudyError;
 use crate::fibres::cache::{Cache, content_hash};
-use crate::fibres::muscle_unit::Fit;
+use crate::fibres::muscle_unit::{Fit, MOST_ACTIVE};
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
@@ -77,6 +77,8 @@ pub struct Prepared {
     pub thigh: Thigh,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
+    /// Per step the isometric activation of every muscle, as the controller of the scene says.
+    controlled: Option<Vec<Vec<f64>>>,
 }
 
 /// A scene that can be solved: nothing is wrong with it.
@@ -121,11 +123,11 @@ pub struct OneWay {
 pub struct Sized {
     /// The scene.
     pub scene: Scene,
-    done: Optimized,
-    registration: Registration,
-    steps: Vec<RigidStep>,
+    pub(crate) done: Optimized,
+    pub(crate) registration: Registration,
+    pub(crate) steps: Vec<RigidStep>,
     /// Muscles and bones in the size of the subject; `None` for the rigid leg alone.
-    limb: Option<Limb>,
+    pub(crate) limb: Option<Limb>,
     inputs: Vec<PathBuf>,
 }
 
@@ -181,6 +183,11 @@ impl Sized {
         &self.inputs
     }
 
+    /// The trial as it was read.
+    pub fn case(&self) -> &crate::optimize::Case {
+        &self.done.case
+    }
+
     /// What the trial file says that rarely is so, or is left out of account.
     pub fn doubts(&self) -> &[String] {
         &self.done.case.doubts
@@ -222,7 +229,31 @@ impl Prepared {
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
-        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs })
+        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs, controlled: None })
+    }
+
+    /// Takes over what the [controller](Scene::controller) of the scene says: per step the isometric activation of every muscle of the thigh.
+    pub fn control(&mut self, activations: Vec<Vec<f64>>) -> Result<(), StudyError> {
+        let mut wrong = Vec::new();
+        for (step, of_step) in self.steps.iter_mut().zip(&activations) {
+            for (muscle, a) in self.thigh.muscles.iter().zip(of_step) {
+                if !(0.0..=MOST_ACTIVE).contains(a) {
+                    wrong.push(format!("{} at {} is {a}", muscle.name, step.name.name()));
+                }
+                let lines =
+                    step.muscles.iter_mut().filter(|m| m.name == muscle.name).flat_map(|m| &mut m.lines);
+                lines.for_each(|line| line.activation = *a);
+            }
+        }
+        if !wrong.is_empty() {
+            let words = format!(
+                "activations of the controller: {}; must be from 0 to {MOST_ACTIVE}",
+                wrong.join(", ")
+            );
+            return Err(StudyError::Option(words));
+        }
+        self.controlled = Some(activations);
+        Ok(())
     }
 
     /// Elements of the muscles.
@@ -280,6 +311,14 @@ impl Prepared {
             &SETTINGS,
             Some(&Cache::beside(folder)),
         )?;
+        let controls = match (&self.scene.controller, &self.controlled) {
+            (None, _) => controls,
+            (Some(_), Some(activations)) => activations.clone(),
+            (Some(unit), None) => {
+                let words = format!("the controller {} has not said how hard muscles pull", unit.display());
+                return Err(StudyError::Option(words));
+            }
+        };
         (ready.thigh, ready.calibration, ready.controls) = (thigh, calibration, controls);
         if self.scene.fibres != Fibres::None {
             lap(STAGES[2]);
@@ -324,14 +363,7 @@ impl Prepared {
         for (c, plan) in Configuration::ALL.into_iter().zip([without, with]) {
             let Some(plan) = plan else { continue };
             let way = drive(&plan, thigh, &comparison.controls, steps, self.scene.stress_free)?;
-            let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
-            let mut settings = Settings { tolerance, ..SETTINGS };
-            if let Some(steps) = self.scene.strict_steps {
-                (settings.way, settings.first_step) = (Way::Strict, 1.0 / steps as f64);
-            }
-            if self.scene.check_stability {
-                settings.stability = Stability::Always;
-            }
+            let settings = settings_of(&self.scene, c);
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(c.folder());
@@ -374,7 +406,7 @@ impl Prepared {
             units,
             fits: &fits,
             scale: *scale,
-            settings: &SETTINGS,
+            settings: &settings_of(&self.scene, Configuration::WithoutContact),
         };
         two_way.passes(&first, scheme, most)
     }
@@ -450,6 +482,19 @@ impl Comparison {
         }
         Ok(())
     }
+}
+
+/// How the steps of a scene are solved.
+pub fn settings_of(scene: &Scene, configuration: Configuration) -> Settings {
+    let tolerance = scene.residuals[configuration] / SETTINGS.least_force;
+    let mut settings = Settings { tolerance, ..SETTINGS };
+    if let Some(steps) = scene.strict_steps {
+        (settings.way, settings.first_step) = (Way::Strict, 1.0 / steps as f64);
+    }
+    if scene.check_stability {
+        settings.stability = Stability::Always;
+    }
+    settings
 }
 
 /// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.

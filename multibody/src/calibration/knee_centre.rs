@@ -64,9 +64,37 @@ pub struct Frame {
     pub patella: Option<Vector3<f64>>,
 }
 
+/// Place of the patella marker in the thigh with the knee as straight as it gets \[m\]: a straight line over flexion through the nearly straight frames,
+/// where it ends. Over so few degrees both the slide of the skin and the way of the patella are in proportion to flexion, so neither is left at
+/// that end; their mean would hold half of what they do in [`NEARLY_STRAIGHT`]. `None` where no nearly straight frame shows the marker.
+fn patella_of_straight_knee(frames: &[Frame], w: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let first = frames.first()?.shank.0;
+    // Flexion turns the shank about −w.
+    let flexion = |f: &Frame| {
+        let turn = nalgebra::Rotation3::from_matrix_unchecked(f.shank.0 * first.transpose());
+        -turn.scaled_axis().dot(w)
+    };
+    let all: Vec<f64> = frames.iter().map(flexion).collect();
+    let straightest = all.iter().copied().fold(f64::INFINITY, f64::min);
+    let seen: Vec<(f64, Vector3<f64>)> = (frames.iter().zip(&all))
+        .map(|(f, angle)| (angle - straightest, f.patella))
+        .filter(|(angle, _)| *angle <= NEARLY_STRAIGHT)
+        .filter_map(|(angle, patella)| Some((angle, patella?)))
+        .collect();
+    if seen.is_empty() {
+        return None;
+    }
+    let n = seen.len() as f64;
+    let angle = seen.iter().map(|s| s.0).sum::<f64>() / n;
+    let place = seen.iter().map(|s| s.1).sum::<Vector3<f64>>() / n;
+    let spread: f64 = seen.iter().map(|s| (s.0 - angle).powi(2)).sum();
+    let along: Vector3<f64> = seen.iter().map(|s| (s.0 - angle) * s.1).sum();
+    // Frames of a single angle are at the end of their line.
+    Some(if spread > 0.0 { place - angle * along / spread } else { place })
+}
+
 /// Moves `knee`, a point of the axis `w` (to the right), to its place behind the patella marker; all in the thigh \[m\]. `shank`: length of the shank \[m\].
-/// `None` where no nearly straight
-/// frame shows the marker.
+/// `None` where no nearly straight frame shows the marker.
 pub fn correct(
     frames: &[Frame],
     hip: &Vector3<f64>,
@@ -75,22 +103,7 @@ pub fn correct(
     shank: f64,
     distance: Option<f64>,
 ) -> Option<Correction> {
-    let first = frames.first()?.shank.0;
-    // Flexion turns the shank about −w.
-    let flexion: Vec<f64> = frames
-        .iter()
-        .map(|f| {
-            let turn = nalgebra::Rotation3::from_matrix_unchecked(f.shank.0 * first.transpose());
-            -turn.scaled_axis().dot(w)
-        })
-        .collect();
-    let straightest = flexion.iter().copied().fold(f64::INFINITY, f64::min);
-    let straight = frames.iter().zip(&flexion).filter(|(_, a)| **a <= straightest + NEARLY_STRAIGHT);
-    let seen: Vec<Vector3<f64>> = straight.filter_map(|(f, _)| f.patella).collect();
-    if seen.is_empty() {
-        return None;
-    }
-    let patella = seen.iter().sum::<Vector3<f64>>() / seen.len() as f64;
+    let patella = patella_of_straight_knee(frames, w)?;
     // Forward, and up along the thigh, both normal to the axis.
     let axes = |knee: &Vector3<f64>| {
         let forward = (hip - knee).cross(w).normalize();
