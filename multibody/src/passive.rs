@@ -10,7 +10,8 @@
 //! M_ankle = exp(−7.9763 − 0.1949 a + 0.0008 k) − exp(2.1016 + 0.0843 a − 0.0176 k) + 1.792
 //! ```
 //!
-//! The coefficients are those that open code and later papers quote; the publication itself was not read again.
+//! The publication itself could not be read. Three open implementations of different authors agree in every coefficient of the three formulas, but for one that
+//! has 1.50 in place of 0.150 in the last exponential of the knee, a slip: it would make that term vanish within 5 degrees.
 //! Exponentials run away: angles outside [`RANGES`] count as those at their ends.
 //!
 //! Zero is upright standing. The pelvis of a trial is upright in the mean of a gait cycle; its own markers do not say where (in the shipped

@@ -52,18 +52,13 @@ fn the_band_holds_the_answer_in_every_frame() {
             let done = run(trial, form, reserves);
             let bands = done.bands.as_ref().unwrap();
             assert_eq!(bands.values.nrows(), done.effort.time.len());
-            let (mut wide, mut unproved) = (0, 0);
+            let mut wide = 0;
             for k in 0..done.effort.time.len() {
                 assert_eq!(done.effort.verdicts[k].status, Status::Solved);
                 for (j, name) in BAND_NAMES.iter().enumerate() {
-                    let (mut least, mut greatest) = (bands.values[(k, 2 * j)], bands.values[(k, 2 * j + 1)]);
+                    // An end that duality does not prove is NaN, and fails here.
+                    let (least, greatest) = (bands.values[(k, 2 * j)], bands.values[(k, 2 * j + 1)]);
                     let value = found(&done, name, k);
-                    // With reserves duality does not settle every end; those are empty cells, and few.
-                    if reserves.is_some() {
-                        unproved += usize::from(least.is_nan()) + usize::from(greatest.is_nan());
-                        least = if least.is_nan() { f64::NEG_INFINITY } else { least };
-                        greatest = if greatest.is_nan() { f64::INFINITY } else { greatest };
-                    }
                     // The joint moments are met to 1e-8 of their size, and so is the place of the answer.
                     let round_off = 1e-6 * value.abs().max(1.0);
                     assert!(
@@ -73,7 +68,6 @@ fn the_band_holds_the_answer_in_every_frame() {
                     wide += usize::from(greatest - least > 100.0);
                 }
             }
-            assert!(20 * unproved < 10 * done.effort.time.len(), "{unproved} ends without proof");
             assert!(wide > 2 * done.effort.time.len(), "bands without width say nothing: {wide}");
         }
     }

@@ -113,8 +113,7 @@ pub fn anatomy(
     if let KneeCentre::ByPatella(distance) = knee_centre {
         let seen = knee_frames(recordings, &clusters);
         let hip = mean_point(recordings, &clusters, &pelvis_axes.hip);
-        let shank = (knee_in_shank - on_talocrural).norm() / stretch;
-        correction = correct(&seen, &hip, &knee_in_thigh, &knee.proximal, shank, distance);
+        correction = correct(&seen, &hip, &knee_in_thigh, &knee.proximal, distance);
         if let Some(correction) = &correction {
             knee_in_thigh = correction.knee;
             knee_in_shank = in_shank(&seen, &knee_in_thigh);

@@ -4,9 +4,9 @@
 //! the thigh moves it forward by s, one across the thigh moves it along the thigh. So the residual of the calibration does not show it. On subject DM,
 //! whose knee centre is tabulated, the functional axis lies 11 mm too far forward and 11 mm too far up.
 //!
-//! A marker on the patella with the knee nearly straight does not hang on that slide. The centre is put where it is from that marker in
-//! subjects whose knee centre is known: backward along the forward axis of the thigh, and up along the thigh, in lengths of the leg. The direction of the axis,
-//! and the place along it, stay those of the motion.
+//! A marker on the patella with the knee straight does not hang on that slide. The centre is put where it is from that marker in a
+//! subject whose knee centre is known: backward along the forward axis of the thigh, and up along the thigh, in lengths of the thigh. The direction of the
+//! axis, and the place along it, stay those of the motion.
 
 #![allow(non_snake_case)]
 
@@ -18,18 +18,18 @@ pub enum KneeCentre {
     /// On the axis of rotation as found.
     AsFound,
     /// Moved in the sagittal plane of the thigh to its place behind the patella marker: this distance along the forward axis \[m\], `None`:
-    /// [`DISTANCE`] lengths of the leg; and [`HEIGHT`].
+    /// [`DISTANCE`] lengths of the thigh; and [`HEIGHT`].
     ByPatella(Option<f64>),
 }
 
-/// Distance from knee centre to patella marker along the forward axis, in lengths of the leg (thigh and shank, which do not change where the knee
-/// centre is put along the leg): 70.6 mm of 822.3 mm in the three recordings of subject DM with the tabulated knee centre (72, 70 and 70 mm).
-/// Two sets of bone surfaces bracket it: 50 and 61 mm of bone in front of the midpoint of the epicondyles or of the collateral ligaments'
-/// attachments, and some 12 mm of skin and marker.
-pub const DISTANCE: f64 = 0.0859;
-/// Height of the knee centre above the patella marker, in lengths of the leg: 5.0 mm in the same recordings (4.4, 3.8 and 6.7 mm). Of one set of
+/// Distance from knee centre to patella marker along the forward axis in the straight knee, in lengths of the thigh (hip to knee): 74.4 mm of 418.9 mm,
+/// the mean of three recordings of subject DM with the tabulated knee centre. The shank does not count: its length hangs on a functional ankle axis, which the
+/// built-in walker shows to be off by 34 mm. Two sets of bone surfaces say a little less: 50 and 61 mm of bone in front of the midpoint of the epicondyles or
+/// of the collateral ligaments' attachments, and some 12 mm of skin and marker.
+pub const DISTANCE: f64 = 0.1776;
+/// Height of the knee centre above the patella marker in the straight knee, in lengths of the thigh: 3.8 mm, from the same recordings. Of one set of
 /// bone surfaces it is 5 mm, between the centroid of the patella and the collateral ligaments' attachments.
-pub const HEIGHT: f64 = 0.0060;
+pub const HEIGHT: f64 = 0.0091;
 /// The knee is nearly straight within this angle from its straightest frame \[rad\].
 const NEARLY_STRAIGHT: f64 = 15.0 * std::f64::consts::PI / 180.0;
 /// A correction beyond this is more than skin explains \[m\]: thigh clusters slide by some 18 mm and deform by up to 16 mm (fluoroscopy,
@@ -93,14 +93,13 @@ fn patella_of_straight_knee(frames: &[Frame], w: &Vector3<f64>) -> Option<Vector
     Some(if spread > 0.0 { place - angle * along / spread } else { place })
 }
 
-/// Moves `knee`, a point of the axis `w` (to the right), to its place behind the patella marker; all in the thigh \[m\]. `shank`: length of the shank \[m\].
+/// Moves `knee`, a point of the axis `w` (to the right), to its place behind the patella marker; all in the thigh \[m\].
 /// `None` where no nearly straight frame shows the marker.
 pub fn correct(
     frames: &[Frame],
     hip: &Vector3<f64>,
     knee: &Vector3<f64>,
     w: &Vector3<f64>,
-    shank: f64,
     distance: Option<f64>,
 ) -> Option<Correction> {
     let patella = patella_of_straight_knee(frames, w)?;
@@ -115,11 +114,11 @@ pub fn correct(
     let mut wanted = found;
     // The axes turn a little as the centre moves.
     for _ in 0..PASSES {
-        let leg = (hip - moved).norm() + shank;
-        wanted = distance.unwrap_or(DISTANCE * leg);
+        let thigh = (hip - moved).norm();
+        wanted = distance.unwrap_or(DISTANCE * thigh);
         let [x, y] = axes(&moved);
         let gap = patella - moved;
-        moved += (gap.dot(&x) - wanted) * x + (gap.dot(&y) + HEIGHT * leg) * y;
+        moved += (gap.dot(&x) - wanted) * x + (gap.dot(&y) + HEIGHT * thigh) * y;
     }
     let way = moved - knee;
     Some(Correction { found, distance: wanted, moved: [-way.dot(&forward), -way.dot(&up)], knee: moved })

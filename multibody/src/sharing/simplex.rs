@@ -8,6 +8,9 @@
 //! the answer of force sharing, so there is no first phase: variables between their bounds that are not basic move like any other.
 //! A tableau of 15 rows serves ten objectives of a frame, each some twenty pivots away.
 //! The end is shown to be the optimum by weak duality, from the rows as posed and not from the tableau.
+//!
+//! Why not a library: of the pure Rust ones behind `good_lp`, `microlp` gives no multipliers, so nothing could be proved; Clarabel does, but begins every
+//! objective anew.
 
 #![allow(non_snake_case)]
 
@@ -17,11 +20,14 @@ use nalgebra::{DMatrix, DVector};
 const PRICE: f64 = 1e-9;
 /// Pivots smaller than this are not taken; the rows have unit norm.
 const PIVOT: f64 = 1e-9;
+/// How far a variable may pass its bound; loads are of order one.
+const GIVE: f64 = 1e-10;
 /// Steps without length after which the least index is taken (Bland 1977), so that no cycle goes on.
 const PATIENCE: usize = 30;
 /// Steps of one objective; some twenty are needed.
 const MOST_STEPS: usize = 1000;
-/// Width of the bracket between the point reached and the dual bound, relative to the terms of the objective.
+/// Width of the bracket between the point reached and the dual bound, relative to the terms of the objective and to its largest coefficient: variables are
+/// scaled so that loads are of order one, and where all muscles of an objective rest its terms are round-off alone.
 const BRACKET: f64 = 1e-8;
 
 /// Equalities with bounds on every variable, and a point that satisfies them.
@@ -42,6 +48,16 @@ struct Tableau {
     basis: Vec<Option<usize>>,
     is_basic: Vec<bool>,
     z: DVector<f64>,
+}
+
+/// A basic variable that runs into its bound.
+struct Stop {
+    row: usize,
+    variable: usize,
+    /// Change of the variable per step; positive towards its upper bound.
+    rate: f64,
+    /// Way to the bound.
+    room: f64,
 }
 
 /// How one objective ended.
@@ -128,37 +144,37 @@ impl Polytope {
     }
 
     /// Moves variable `j` until a bound stops it; how far, or nothing where none does.
+    ///
+    /// Bounds give by [`GIVE`] while the row is chosen, so that of those that stop it together the one with the largest pivot does (Harris,
+    /// Math Program 1973;5:1): small pivots would fill the tableau with round-off.
     fn step(&self, t: &mut Tableau, j: usize, direction: f64) -> Option<f64> {
-        let own = if direction > 0.0 { self.upper[j] - t.z[j] } else { t.z[j] - self.lower[j] };
-        let (mut length, mut leaving) = (own.max(0.0), None);
-        let mut pivot = 0.0;
-        for (row, k) in t.basis.iter().enumerate() {
-            let Some(k) = *k else { continue };
-            let rate = -direction * t.T[(row, j)];
-            if rate.abs() <= PIVOT {
-                continue;
-            }
-            let room = if rate > 0.0 { self.upper[k] - t.z[k] } else { t.z[k] - self.lower[k] };
-            let until = (room / rate.abs()).max(0.0);
-            // Among rows that stop it together the largest pivot keeps the tableau well conditioned.
-            if until < length || (until == length && leaving.is_some() && rate.abs() > pivot) {
-                (length, leaving, pivot) = (until, Some((row, k, rate > 0.0)), rate.abs());
-            }
-        }
-        if length.is_infinite() {
+        let own = if direction > 0.0 { self.upper[j] - t.z[j] } else { t.z[j] - self.lower[j] }.max(0.0);
+        let stops: Vec<Stop> = (t.basis.iter().enumerate())
+            .filter_map(|(row, k)| {
+                let (k, rate) = ((*k)?, -direction * t.T[(row, j)]);
+                let room = if rate > 0.0 { self.upper[k] - t.z[k] } else { t.z[k] - self.lower[k] };
+                (rate.abs() > PIVOT).then_some(Stop { row, variable: k, rate, room })
+            })
+            .collect();
+        let limit = stops.iter().map(|s| (s.room + GIVE) / s.rate.abs()).fold(own, f64::min);
+        if limit.is_infinite() {
             return None;
         }
+        let until = |s: &Stop| s.room.max(0.0) / s.rate.abs();
+        let together = stops.iter().filter(|s| limit < own && until(s) <= limit);
+        let leaving = together.max_by(|a, b| a.rate.abs().total_cmp(&b.rate.abs()));
+        let length = leaving.map_or(own, until);
         t.z[j] += direction * length;
         for (row, k) in t.basis.iter().enumerate() {
             if let Some(k) = *k {
-                let moved = t.z[k] - direction * length * t.T[(row, j)];
-                t.z[k] = moved.clamp(self.lower[k], self.upper[k]);
+                t.z[k] -= direction * length * t.T[(row, j)];
             }
         }
         match leaving {
-            Some((row, k, at_upper)) => {
-                t.z[k] = if at_upper { self.upper[k] } else { self.lower[k] };
-                t.pivot(row, j);
+            Some(stop) => {
+                let bounds = if stop.rate > 0.0 { &self.upper } else { &self.lower };
+                t.z[stop.variable] = bounds[stop.variable];
+                t.pivot(stop.row, j);
             }
             None => t.z[j] = if direction > 0.0 { self.upper[j] } else { self.lower[j] },
         }
@@ -195,8 +211,8 @@ impl Polytope {
         let reached = c.dot(&t.z);
         terms += c.component_mul(&t.z).abs().sum();
         let misses = (&self.A * &t.z - &self.b).amax();
-        let is_met =
-            (reached - bound).abs() <= BRACKET * terms && misses <= BRACKET * t.z.amax().max(self.b.amax());
+        let is_met = (reached - bound).abs() <= BRACKET * (terms + c.amax())
+            && misses <= BRACKET * t.z.amax().max(self.b.amax());
         if is_met { Least::Proved(bound) } else { Least::Unsettled }
     }
 }
