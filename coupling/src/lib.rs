@@ -1,7 +1,7 @@
 //! What couples the rigid leg with the deformable thigh: the only crate that knows both, apart from the command on top of it.
 //!
 //! [`optimize`] is the rigid leg end to end, [`scene`] what a person writes down, [`steps`] what it says of a gait step, [`thigh`] the mesh, [`fibres`] what its muscles
-//! pull with, [`study`] the road from a scene to forces compared, [`two_way`] the passes back into force sharing, [`mod@solve`] bodies of
+//! pull with, [`comparison`] the road from a scene to forces compared, [`two_way`] the passes back into force sharing, [`mod@solve`] bodies of
 //! one's own.
 
 #![warn(clippy::print_stderr)]
@@ -16,6 +16,7 @@ macro_rules! say {
     }};
 }
 
+pub mod comparison;
 pub mod configuration;
 pub mod cost;
 pub mod error;
@@ -26,7 +27,6 @@ pub mod optimize;
 pub mod scene;
 pub mod solve;
 pub mod steps;
-pub mod study;
 pub mod subject;
 pub mod thigh;
 pub mod two_way;

@@ -18,7 +18,7 @@ use multibody::trial::{Effort, Filters, Motion, Side, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
 use multibody::walker::{Knee, walker};
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
 use crate::scene::{TomlKind, wanted};
@@ -96,12 +96,12 @@ pub struct Optimized {
 
 impl Case {
     /// Reads the trial and its landmarks.
-    pub fn load(options: &OptimizeOptions) -> Result<Case, StudyError> {
+    pub fn load(options: &OptimizeOptions) -> Result<Case, CouplingError> {
         let clock = Instant::now();
         let Some(path) = &options.trial else {
             if options.hip_centre.is_some_and(|h| h != HipRule::Table) {
                 let text = "--hip-centre needs a trial: the built-in walker was made with the hip centre of its table";
-                return Err(StudyError::Option(text.into()));
+                return Err(CouplingError::Option(text.into()));
             }
             let (trial, anatomy) = walker(Knee::Hinge);
             return Ok(Case {
@@ -131,12 +131,12 @@ impl Case {
                     "--hip-centre table: `{}` takes its landmarks from markers, not from a table; choose harrington or regression",
                     trial.name
                 );
-                return Err(StudyError::Option(text));
+                return Err(CouplingError::Option(text));
             }
             spec.hip_centre = trial_file::HipCentre::By(rule);
         }
         let (anatomy, quality) = calibrate(&spec, trial.subject.sex)
-            .map_err(|source| StudyError::Calibration { trial: trial.name.clone(), source })?;
+            .map_err(|source| CouplingError::Calibration { trial: trial.name.clone(), source })?;
         let ankle = match file.model.ankle {
             trial_file::Ankle::Universal => Ankle::Universal,
             trial_file::Ankle::Parallel => Ankle::Parallel,
@@ -182,11 +182,11 @@ impl Case {
 }
 
 /// Legs that the trial describes, the one of its main tables first.
-pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, StudyError> {
+pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, CouplingError> {
     options.trial.as_deref().map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path)?.sides()))
 }
 
-fn trial_file(path: &Path) -> Result<TrialFile, StudyError> {
+fn trial_file(path: &Path) -> Result<TrialFile, CouplingError> {
     if path.is_file()
         && let Ok(text) = std::fs::read_to_string(path)
     {
@@ -199,12 +199,15 @@ fn trial_file(path: &Path) -> Result<TrialFile, StudyError> {
 pub const STAGES: [&str; 6] = ["read", "model", "marker fit", "loads", "sharing", "activations"];
 
 /// Runs the whole rigid side.
-pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, StudyError> {
+pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, CouplingError> {
     optimize_with(options, &mut |_| ())
 }
 
 /// The same; `lap` is called as each of the [`STAGES`] ends.
-pub fn optimize_with(options: &OptimizeOptions, lap: &mut dyn FnMut(&str)) -> Result<Optimized, StudyError> {
+pub fn optimize_with(
+    options: &OptimizeOptions,
+    lap: &mut dyn FnMut(&str),
+) -> Result<Optimized, CouplingError> {
     let case = Case::load(options)?;
     lap(STAGES[0]);
     solve(case, options, lap)
@@ -215,7 +218,7 @@ pub fn solve(
     case: Case,
     options: &OptimizeOptions,
     lap: &mut dyn FnMut(&str),
-) -> Result<Optimized, StudyError> {
+) -> Result<Optimized, CouplingError> {
     let mut stages = vec![(STAGES[0], case.took)];
     let mut clock = Instant::now();
     let mut lap = |name: &'static str| {

@@ -21,7 +21,7 @@ use multibody::sharing::{Capacity, LeverArm, SharingProblem, SharingSolver};
 use multibody::trial::Status;
 use nalgebra::{DMatrix, DVector};
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
 use crate::optimize::Optimized;
 use crate::steps::RigidStep;
@@ -128,7 +128,7 @@ struct Shared {
 impl TwoWay<'_> {
     /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`. A pass that
     /// finds no equilibrium or no forces ends them: the last whole one stands, and a shortcoming says why.
-    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, StudyError> {
+    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, CouplingError> {
         let twists: Vec<VirtualTwists> =
             self.steps.iter().map(|s| self.twists(s)).collect::<Result<_, _>>()?;
         let (units, rigid) = (sewn(self.plan, self.thigh), self.nominal()?);
@@ -153,7 +153,7 @@ impl TwoWay<'_> {
         let mut sessions: Vec<Session> = Vec::new();
         for (k, _) in self.steps.iter().enumerate() {
             let mut session = Session::new(self.plan, self.settings, None)
-                .map_err(|error| StudyError::NotConverged(format!("two-way coupling: {error}")))?;
+                .map_err(|error| CouplingError::NotConverged(format!("two-way coupling: {error}")))?;
             let way = self.drive.frames.len() - self.steps.len();
             for frame in &self.drive.frames[..=way + k] {
                 advance(&mut session, frame)?;
@@ -161,7 +161,7 @@ impl TwoWay<'_> {
             sessions.push(session);
         }
         while coupling.passes.len() < most {
-            let carried: Result<Vec<(Shared, Coupled)>, StudyError> = (self.steps.iter().enumerate())
+            let carried: Result<Vec<(Shared, Coupled)>, CouplingError> = (self.steps.iter().enumerate())
                 .map(|(k, step)| {
                     let sharing = self.share(step, &x, k)?;
                     let frame = self.frame(&sharing.f, &x, k)?;
@@ -210,14 +210,14 @@ impl TwoWay<'_> {
         Ok(coupling)
     }
 
-    fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, StudyError> {
+    fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, CouplingError> {
         let Q = &self.done.motion.Q[self.done.motion.report.start + step.row];
         let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
         Ok(VirtualTwists::new(&self.done.model, self.registration, Q, &reduced.tangent))
     }
 
     /// Force sharing of the rigid leg at a step.
-    fn one_way(&self, step: &RigidStep) -> Result<Shared, StudyError> {
+    fn one_way(&self, step: &RigidStep) -> Result<Shared, CouplingError> {
         let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
         Ok(self.shared(self.done.effort.forces.values.row(step.row).transpose(), &reduced.lever_arms))
     }
@@ -305,7 +305,7 @@ impl TwoWay<'_> {
     }
 
     /// Capacity before anything is seen: lengths of the lines, and of their lever arms the mean, each with its strength.
-    fn nominal(&self) -> Result<DVector<f64>, StudyError> {
+    fn nominal(&self) -> Result<DVector<f64>, CouplingError> {
         let mut x = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
         for (k, step) in self.steps.iter().enumerate() {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
@@ -332,7 +332,7 @@ impl TwoWay<'_> {
     }
 
     /// Force sharing at a step with a capacity.
-    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, StudyError> {
+    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, CouplingError> {
         let model = &self.done.model;
         let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
         for m in 0..self.thigh.muscles.len() {
@@ -358,7 +358,7 @@ impl TwoWay<'_> {
         let solved = solver.solve(&problem)?;
         if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
             let why = solved.verdict.reason.unwrap_or_default();
-            return Err(StudyError::NotConverged(format!(
+            return Err(CouplingError::NotConverged(format!(
                 "two-way coupling, {}: no muscle forces: {why}",
                 step.name.name()
             )));
@@ -374,7 +374,7 @@ impl TwoWay<'_> {
     }
 
     /// The load of the thigh at a step for tensions `f`.
-    fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, StudyError> {
+    fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, CouplingError> {
         let mut frame = self.at_step(k).clone();
         for (m, muscle) in self.thigh.muscles.iter().enumerate() {
             let tension: f64 = self.lines(m).iter().map(|&i| f[i]).sum();
@@ -397,7 +397,7 @@ impl TwoWay<'_> {
         change: Option<f64>,
         shared: &[Shared],
         seen: &[Vec<MuscleAction>],
-    ) -> Result<Pass, StudyError> {
+    ) -> Result<Pass, CouplingError> {
         let mut pass = Pass {
             change,
             changed_most: None,
@@ -430,15 +430,15 @@ impl TwoWay<'_> {
     }
 }
 
-fn no_loads(step: &RigidStep) -> StudyError {
-    StudyError::NotConverged(format!("no loads at {}", step.name.name()))
+fn no_loads(step: &RigidStep) -> CouplingError {
+    CouplingError::NotConverged(format!("no loads at {}", step.name.name()))
 }
 
-fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Advanced, StudyError> {
+fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Advanced, CouplingError> {
     let done = session.advance(frame);
     match done.errors.first() {
         None => Ok(done),
-        Some(error) => Err(StudyError::NotConverged(format!("two-way coupling: {error}"))),
+        Some(error) => Err(CouplingError::NotConverged(format!("two-way coupling: {error}"))),
     }
 }
 

@@ -19,11 +19,11 @@ use serde::Serialize;
 use super::page::{document_with, label_table, section};
 pub use published::published;
 
+use coupling::comparison::Comparison;
+use coupling::comparison::compare::{MuscleForce, wanted};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::StepName;
 use coupling::steps::RigidMuscle;
-use coupling::study::Comparison;
-use coupling::study::compare::{MuscleForce, wanted};
 use coupling::two_way::Pass;
 
 /// Everything that the page shows. Borrowed: the page changes nothing.

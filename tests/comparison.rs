@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use coupling::comparison::estimate::{Expected, Work};
+use coupling::comparison::explain::explain;
+use coupling::comparison::{Prepared, Sized};
 use coupling::configuration::PerConfiguration;
 use coupling::fibres::cache::FOLDER;
 use coupling::scene::StepName;
 use coupling::scene::StressFree;
 use coupling::scene::{Fibres, Scene};
-use coupling::study::estimate::{Expected, Work};
-use coupling::study::explain::explain;
-use coupling::study::{Prepared, Sized};
 use coupling::thigh::build::Thigh;
 use fem::measure::nodal_forces;
 use fem::scene::{ContactMode, LawSpec};
@@ -570,8 +570,8 @@ fn the_contact_resultant_of_a_muscle_is_held_by_its_bones() {
     let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
     let with = PerConfiguration { without: false, with: true };
-    let study = prepared.solve(with, &folder.path().join("out"), false, &mut |_| ()).unwrap();
-    let result = study.solutions.with.as_ref().unwrap();
+    let comparison = prepared.solve(with, &folder.path().join("out"), false, &mut |_| ()).unwrap();
+    let result = comparison.solutions.with.as_ref().unwrap();
     let plan = &result.plan;
     let frame = result.at_steps().next().expect("solved");
     let total = nodal_forces(plan, frame.snapshot());
@@ -584,9 +584,9 @@ fn the_contact_resultant_of_a_muscle_is_held_by_its_bones() {
             pushes[n as usize] -= Vector3::from_column_slice(g);
         }
     }
-    let rows = explain(plan, &study.thigh, &study.calibration, &prepared.steps[0], frame);
+    let rows = explain(plan, &comparison.thigh, &comparison.calibration, &prepared.steps[0], frame);
     assert_eq!(rows.len(), 2);
-    for (row, muscle) in rows.iter().zip(&study.thigh.muscles) {
+    for (row, muscle) in rows.iter().zip(&comparison.thigh.muscles) {
         let nodes = muscle.first_node..muscle.first_node + muscle.s.len() as u32 * muscle.nodes_per_layer;
         let push: Vector3<f64> = nodes.map(|n| pushes[n as usize]).sum();
         let said = row.contact.unwrap();
@@ -594,7 +594,7 @@ fn the_contact_resultant_of_a_muscle_is_held_by_its_bones() {
         assert!((said - push.norm()).abs() < 1e-6 * push.norm(), "{}: {said} and {push}", muscle.name);
         // In equilibrium the bones, tendons included, hold what contact pushes; the solution ends at 0.1 N.
         let own = format!("{}/", muscle.name);
-        let ties = study.thigh.scene.ties.iter().filter(|t| t.nodes.starts_with(&own));
+        let ties = comparison.thigh.scene.ties.iter().filter(|t| t.nodes.starts_with(&own));
         let tied = ties.flat_map(|t| &plan.mesh.node_sets[&t.nodes]);
         let held: Vector3<f64> =
             tied.map(|&n| Vector3::from_column_slice(&total[3 * n as usize..][..3])).sum();

@@ -18,15 +18,15 @@ use fem::run::{Drive, Frame, Run};
 use fem::solve::{Iteration, Settings, Stability, Way};
 use mesher::limb::Limb;
 
+use crate::comparison::compare::{CompareError, Solution, StepForces, beside, drive, measured, solution};
 use crate::configuration::{Configuration, PerConfiguration};
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::fibres::cache::{Cache, content_hash};
 use crate::fibres::muscle_unit::Fit;
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
 use crate::steps::{RigidStep, rigid_step};
-use crate::study::compare::{CompareError, Solution, StepForces, beside, drive, measured, solution};
 use crate::subject::{factors, limb_map};
 use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
@@ -52,7 +52,7 @@ pub const SETTINGS: Settings = Settings {
 
 /// Folder of the frames of the one-way result, where there is a two-way one.
 pub const ONE_WAY_FOLDER: &str = "one_way";
-/// Stages of a study, in their order.
+/// Stages, in their order.
 pub const STAGES: [&str; 5] = [
     "rigid leg",
     "mesh",
@@ -131,7 +131,7 @@ pub struct Sized {
 
 impl Sized {
     /// Computes the rigid leg and reads the thigh. `data`: folder of recordings and surfaces.
-    pub fn new(scene: Scene, data: Option<&Path>) -> Result<Sized, StudyError> {
+    pub fn new(scene: Scene, data: Option<&Path>) -> Result<Sized, CouplingError> {
         let options = OptimizeOptions {
             trial: scene.trial.clone(),
             data: data.map(Path::to_path_buf),
@@ -143,16 +143,17 @@ impl Sized {
         let sizes = scene.surfaces.is_none().then(|| factors(&done.model));
         let frames = MeshFrames::built_in().sized(sizes.map_or(1.0, |s| s.thigh));
         let registration = Registration::new(frames, &done.model).ok_or_else(|| {
-            StudyError::Option("the patella of the rigid leg finds no place at full extension".into())
+            CouplingError::Option("the patella of the rigid leg finds no place at full extension".into())
         })?;
         let mut steps = Vec::new();
         for spec in &scene.steps {
-            let mut step = rigid_step(&done, &registration, spec.name).map_err(StudyError::NotConverged)?;
+            let mut step =
+                rigid_step(&done, &registration, spec.name).map_err(CouplingError::NotConverged)?;
             if let Some(flexion) = spec.knee_flexion {
                 let Q = &done.motion.Q[done.motion.report.start + step.row];
                 step.poses = registration.poses_at_flexion(&done.model, Q, flexion).ok_or_else(|| {
                     let degrees = flexion.to_degrees();
-                    StudyError::Option(format!(
+                    CouplingError::Option(format!(
                         "the knee of the rigid leg cannot be flexed by {degrees:.1} degrees"
                     ))
                 })?;
@@ -187,11 +188,11 @@ impl Sized {
     }
 
     /// The thigh before its mesh is made, to be counted; without muscles where the rigid leg is alone.
-    pub fn draft(&self) -> Result<Thigh, StudyError> {
+    pub fn draft(&self) -> Result<Thigh, CouplingError> {
         let Some(limb) = &self.limb else { return Ok(names_only()) };
         let Scene { resolution, inset, muscles, .. } = &self.scene;
         let mut thigh = draft(limb.clone(), *resolution, *inset, muscles, effects(&self.scene))?;
-        self.scene.materials.apply(&mut thigh).map_err(StudyError::Option)?;
+        self.scene.materials.apply(&mut thigh).map_err(CouplingError::Option)?;
         Ok(thigh)
     }
 }
@@ -205,20 +206,24 @@ fn effects(scene: &Scene) -> ThighEffects {
 
 impl Prepared {
     /// Computes the rigid leg and meshes the thigh. `data`: folder of recordings and surfaces; `lap` is called as each stage ends.
-    pub fn new(scene: Scene, data: Option<&Path>, lap: &mut dyn FnMut(&str)) -> Result<Prepared, StudyError> {
+    pub fn new(
+        scene: Scene,
+        data: Option<&Path>,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Prepared, CouplingError> {
         let sized = Sized::new(scene, data)?;
         lap(STAGES[0]);
         Prepared::of(sized, lap)
     }
 
     /// Meshes the thigh. `lap` is called as that ends.
-    pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, StudyError> {
+    pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CouplingError> {
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
         let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.inset, &scene.muscles, effects(&scene)))
             .transpose()?;
         if let Some(made) = &mut made {
-            scene.materials.apply(&mut made.thigh).map_err(StudyError::Option)?;
+            scene.materials.apply(&mut made.thigh).map_err(CouplingError::Option)?;
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
@@ -237,9 +242,9 @@ impl Prepared {
     }
 
     /// Compiles the thigh.
-    pub fn plan(&self, thigh: &Thigh, configuration: Configuration) -> Result<Plan, StudyError> {
+    pub fn plan(&self, thigh: &Thigh, configuration: Configuration) -> Result<Plan, CouplingError> {
         let Thigh { scene, mesh, .. } = self.configured(thigh, configuration);
-        Plan::new(&scene, mesh).map_err(|e| StudyError::Option(e.to_string()))
+        Plan::new(&scene, mesh).map_err(|e| CouplingError::Option(e.to_string()))
     }
 
     /// The thigh, in contact where that is asked for.
@@ -262,7 +267,7 @@ impl Prepared {
         asked: PerConfiguration<bool>,
         folder: &Path,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Ready, StudyError> {
+    ) -> Result<Ready, CouplingError> {
         let thigh = self.thigh.clone();
         let calibration = Calibration::None;
         let mut ready =
@@ -297,7 +302,7 @@ impl Prepared {
         folder: &Path,
         resume: bool,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Comparison, StudyError> {
+    ) -> Result<Comparison, CouplingError> {
         self.solve_ready(self.calibrate(asked, folder, lap)?, folder, resume, lap)
     }
 
@@ -309,7 +314,7 @@ impl Prepared {
         folder: &Path,
         resume: bool,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Comparison, StudyError> {
+    ) -> Result<Comparison, CouplingError> {
         let Ready { thigh, calibration, controls, plans } = ready;
         let mut comparison = Comparison {
             thigh,
@@ -350,16 +355,18 @@ impl Prepared {
         comparison: &Comparison,
         scheme: Scheme,
         most: usize,
-    ) -> Result<Coupling, StudyError> {
+    ) -> Result<Coupling, CouplingError> {
         let (Calibration::Hill { muscles, units, scale }, Some(alone)) =
             (&comparison.calibration, &comparison.solutions.without)
         else {
             let why = "two-way coupling needs Hill fibres and the configuration without contact";
-            return Err(StudyError::Option(why.into()));
+            return Err(CouplingError::Option(why.into()));
         };
         let first: Vec<&Frame> = alone.at_steps().collect();
         if first.len() < self.steps.len() {
-            return Err(StudyError::NotConverged("two-way coupling needs all steps solved one-way".into()));
+            return Err(CouplingError::NotConverged(
+                "two-way coupling needs all steps solved one-way".into(),
+            ));
         }
         let plan = &alone.plan;
         let way = drive(plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
@@ -387,7 +394,7 @@ impl Prepared {
         last: &[Coupled],
         took: Duration,
         folder: &Path,
-    ) -> Result<(), StudyError> {
+    ) -> Result<(), CouplingError> {
         let one_way = comparison.solutions.without.take().expect("the passes began from it");
         let Solution { plan, run: before, steps: forces, on_the_way, .. } = one_way;
         let way = drive(&plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
