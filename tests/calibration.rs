@@ -6,6 +6,7 @@ use multibody::anatomy::{Anatomy, lay_over};
 use multibody::calibration::clusters::pose;
 use multibody::calibration::functional::{self, Recording};
 use multibody::calibration::markers::{self, LandmarkPaths};
+use multibody::calibration::shifts::Shifts;
 use multibody::calibration::{CalibrationError, HipCentre, Path, Spines, path, table};
 use multibody::natural::{Pose, SegmentId};
 use multibody::trial::{Sex, Trial};
@@ -80,7 +81,9 @@ const HIP: Vector3<f64> = Vector3::new(-0.07797, -0.09088, 0.07376);
 #[test]
 fn landmark_markers_give_the_landmarks_of_the_table() {
     let w = Walker::new();
-    let found = markers::anatomy(&w.trial.markers, &w.landmarks(), HipCentre::Given(HIP), Sex::Male).unwrap();
+    let found =
+        markers::anatomy(&w.trial.markers, &w.landmarks(), HipCentre::Given(HIP), Sex::Male, &Shifts::none())
+            .unwrap();
     // Points of the table are rounded to 0.01 mm.
     let close = |segment, point: &Vector3<f64>, want: &Vector3<f64>| {
         let Pose { R, p } = w.in_table(&found, segment);
@@ -107,7 +110,9 @@ fn one_marker_for_two_landmarks_is_refused() {
     let w = Walker::new();
     let mut landmarks = w.landmarks();
     landmarks.medial_epicondyle = landmarks.lateral_epicondyle.clone();
-    let error = markers::anatomy(&w.trial.markers, &landmarks, HipCentre::Given(HIP), Sex::Male).unwrap_err();
+    let error =
+        markers::anatomy(&w.trial.markers, &landmarks, HipCentre::Given(HIP), Sex::Male, &Shifts::none())
+            .unwrap_err();
     assert!(matches!(error, CalibrationError::TooClose { a: "lateral_epicondyle", .. }), "{error}");
 }
 
@@ -122,7 +127,8 @@ fn the_functional_knee_axis_is_the_hinge_of_the_walker() {
         metatarsal_1: path(&w.trial.markers, "metatarsal head 1"),
         metatarsal_5: path(&w.trial.markers, "metatarsal head 5"),
     };
-    let (found, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male).unwrap();
+    let (found, quality) =
+        functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male, &Shifts::none()).unwrap();
     // The walker's adduction and rotation vary by some hundredths of a degree around its hinge.
     let Pose { R, p } = w.in_table(&found, SegmentId::Thigh);
     let axis = R * found.thigh.w;
@@ -148,6 +154,7 @@ fn a_stiff_knee_cannot_be_calibrated() {
         metatarsal_5: path(&tracks, "metatarsal head 5"),
         tracks,
     };
-    let error = functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male).unwrap_err();
+    let error =
+        functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male, &Shifts::none()).unwrap_err();
     assert!(matches!(error, CalibrationError::Range { joint: "knee", .. }), "{error}");
 }

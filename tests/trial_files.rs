@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use multibody::InputError;
 use multibody::anatomy::Anatomy;
+use multibody::calibration::shifts::Shifts;
 use multibody::calibration::{calibrate, functional};
 use multibody::error::Place;
 use multibody::natural::SegmentId;
@@ -1029,7 +1030,7 @@ fn functional_landmarks_of_a_left_leg_are_those_of_its_mirror_image() {
     std::fs::write(&path, text.replace(".c3d", ".trc")).unwrap();
     let calibrated = |file: &Path, side, data: Option<&Path>| {
         let spec = TrialFile::read(file).unwrap().leg(side).landmarks(data).unwrap();
-        let (anatomy, quality) = calibrate(&spec, Sex::Male).unwrap();
+        let (anatomy, quality) = calibrate(&spec, Sex::Male, &Shifts::none()).unwrap();
         (anatomy, quality.unwrap())
     };
     let (right, seen) = calibrated(&shipped("jw_ngait_og3_both"), Side::Right, Some(&data));

@@ -16,6 +16,7 @@ macro_rules! say {
     }};
 }
 
+pub mod changes;
 pub mod comparison;
 pub mod configuration;
 pub mod cost;
@@ -27,6 +28,7 @@ pub mod optimize;
 pub mod scene;
 pub mod solve;
 pub mod steps;
+pub mod study;
 pub mod subject;
 pub mod thigh;
 pub mod two_way;

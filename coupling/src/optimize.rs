@@ -16,8 +16,9 @@ use multibody::share::{SharingSettings, share};
 use multibody::sharing::Capacity;
 use multibody::trial::{Effort, Filters, Motion, Side, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
-use multibody::walker::{Knee, walker};
+use multibody::walker::{self, Knee, walker};
 
+use crate::changes::Changes;
 use crate::error::CouplingError;
 use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
@@ -42,6 +43,8 @@ pub struct OptimizeOptions {
     pub hill: hill::Settings,
     /// Measured knee forces.
     pub measured: Option<PathBuf>,
+    /// What differs from the files.
+    pub changes: Changes,
 }
 
 /// A trial with its anatomy and choices, before anything is computed.
@@ -94,6 +97,22 @@ pub struct Optimized {
     pub stages: Vec<(&'static str, Duration)>,
 }
 
+impl OptimizeOptions {
+    /// Anatomy of the built-in walker as it is to be.
+    fn walker_anatomy(&self, anatomy: Anatomy) -> Result<Anatomy, CouplingError> {
+        if let Some(key) = self.changes.trial.keys().next() {
+            let text =
+                format!("`trial.{key}`: the built-in walker has no trial file; name one as the subject");
+            return Err(CouplingError::Option(text));
+        }
+        match self.changes.landmarks.is_empty() {
+            true => Ok(anatomy),
+            false => walker::shifted(&self.changes.landmarks)
+                .map_err(|e| CouplingError::Option(format!("landmarks of the built-in walker: {e}"))),
+        }
+    }
+}
+
 impl Case {
     /// Reads the trial and its landmarks.
     pub fn load(options: &OptimizeOptions) -> Result<Case, CouplingError> {
@@ -104,6 +123,7 @@ impl Case {
                 return Err(CouplingError::Option(text.into()));
             }
             let (trial, anatomy) = walker(Knee::Hinge);
+            let anatomy = options.walker_anatomy(anatomy)?;
             return Ok(Case {
                 trial,
                 anatomy,
@@ -120,7 +140,7 @@ impl Case {
                 took: clock.elapsed(),
             });
         };
-        let both = trial_file(path)?;
+        let both = trial_file(path, &options.changes)?;
         let file = both.leg(options.side.unwrap_or(both.subject.side));
         let trial = file.load(options.data.as_deref())?;
         let mut spec = file.landmarks(options.data.as_deref())?;
@@ -135,7 +155,7 @@ impl Case {
             }
             spec.hip_centre = trial_file::HipCentre::By(rule);
         }
-        let (anatomy, quality) = calibrate(&spec, trial.subject.sex)
+        let (anatomy, quality) = calibrate(&spec, trial.subject.sex, &options.changes.landmarks)
             .map_err(|source| CouplingError::Calibration { trial: trial.name.clone(), source })?;
         let ankle = match file.model.ankle {
             trial_file::Ankle::Universal => Ankle::Universal,
@@ -183,16 +203,29 @@ impl Case {
 
 /// Legs that the trial describes, the one of its main tables first.
 pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, CouplingError> {
-    options.trial.as_deref().map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path)?.sides()))
+    options
+        .trial
+        .as_deref()
+        .map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path, &options.changes)?.sides()))
 }
 
-fn trial_file(path: &Path) -> Result<TrialFile, CouplingError> {
+fn trial_file(path: &Path, changes: &Changes) -> Result<TrialFile, CouplingError> {
     if path.is_file()
         && let Ok(text) = std::fs::read_to_string(path)
     {
         wanted(TomlKind::Trial, path, &text)?;
     }
-    Ok(TrialFile::read(path)?)
+    if changes.trial.is_empty() {
+        return Ok(TrialFile::read(path)?);
+    }
+    let io = |source| InputError::Io { file: path.to_path_buf(), source };
+    let text = match multibody::shipped::text(path) {
+        Some(text) => text.to_string(),
+        None => std::fs::read_to_string(path).map_err(io)?,
+    };
+    // What is no TOML is said of the file itself.
+    let changed = changes.trial_text(&text).unwrap_or(text);
+    Ok(TrialFile::parse(path, changed.as_bytes())?)
 }
 
 /// Stages of [`optimize`].
@@ -227,7 +260,8 @@ pub fn solve(
         clock = Instant::now();
     };
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
-    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
+    let mut model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
+    options.changes.strengthen(&mut model);
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);
     lap("marker fit");

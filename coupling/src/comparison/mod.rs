@@ -132,12 +132,13 @@ pub struct Sized {
 impl Sized {
     /// Computes the rigid leg and reads the thigh. `data`: folder of recordings and surfaces.
     pub fn new(scene: Scene, data: Option<&Path>) -> Result<Sized, CouplingError> {
-        let options = OptimizeOptions {
-            trial: scene.trial.clone(),
-            data: data.map(Path::to_path_buf),
-            ..OptimizeOptions::default()
-        };
-        let done = optimize(&options)?;
+        let data = data.map(Path::to_path_buf);
+        Sized::with(scene, OptimizeOptions { data, ..OptimizeOptions::default() })
+    }
+
+    /// The same with options of the rigid leg; the trial is that of the scene.
+    pub fn with(scene: Scene, options: OptimizeOptions) -> Result<Sized, CouplingError> {
+        let done = optimize(&OptimizeOptions { trial: scene.trial.clone(), ..options })?;
         let mut inputs = done.case.inputs.clone();
         // Surfaces of one's own are taken as they are.
         let sizes = scene.surfaces.is_none().then(|| factors(&done.model));
@@ -446,6 +447,23 @@ impl Prepared {
 }
 
 impl Comparison {
+    /// Why it is not solved; empty where every step of every configuration is.
+    pub fn shortcomings(&self) -> Vec<String> {
+        let mut reasons: Vec<String> = Vec::new();
+        let n_steps = self.steps.len();
+        for (c, result) in self.solutions.present() {
+            let which = c.name();
+            reasons.extend(result.run.errors.iter().map(|e| format!("{which}: {e}")));
+            if result.steps.len() < n_steps && result.run.errors.is_empty() {
+                reasons.push(format!("{which}: {} of {} steps", result.steps.len(), n_steps));
+            }
+            if c == Configuration::WithContact {
+                reasons.extend(result.intersections.iter().map(|i| format!("{which}: {i} intersect")));
+            }
+        }
+        reasons
+    }
+
     /// `explanation.csv`: a row per step, configuration and muscle.
     pub fn write_explanations(&self, w: &mut dyn Write) -> io::Result<()> {
         writeln!(w, "{}", explain::COLUMNS)?;

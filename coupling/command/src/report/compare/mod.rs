@@ -175,18 +175,7 @@ impl CompareReport<'_> {
 
     /// Why the run is not solved; empty where it is.
     pub fn shortcomings(&self) -> Vec<String> {
-        let mut reasons: Vec<String> = Vec::new();
-        let n_steps = self.comparison.steps.len();
-        for (c, result) in self.comparison.solutions.present() {
-            let which = c.name();
-            reasons.extend(result.run.errors.iter().map(|e| format!("{which}: {e}")));
-            if result.steps.len() < n_steps && result.run.errors.is_empty() {
-                reasons.push(format!("{which}: {} of {} steps", result.steps.len(), n_steps));
-            }
-            if c == Configuration::WithContact {
-                reasons.extend(result.intersections.iter().map(|i| format!("{which}: {i} intersect")));
-            }
-        }
+        let mut reasons = self.comparison.shortcomings();
         reasons.extend(self.unsettled.iter().cloned());
         reasons
     }
