@@ -177,6 +177,7 @@ impl OptimizeArguments {
             },
             measured: self.measured.clone(),
             side: None,
+            changes: Default::default(),
         })
     }
 
