@@ -2,7 +2,7 @@
 //!
 //! [`optimize`] is the rigid leg end to end, [`scene`] what a person writes down, [`steps`] what it says of a gait step, [`thigh`] the mesh, [`fibres`] what its muscles
 //! pull with, [`comparison`] the road from a scene to forces compared, [`two_way`] the passes back into force sharing, [`mod@solve`] bodies of
-//! one's own.
+//! one's own, [`session`] either side by itself, [`mod@study`] many runs.
 
 #![warn(clippy::print_stderr)]
 
@@ -26,6 +26,7 @@ pub mod measured;
 pub mod number;
 pub mod optimize;
 pub mod scene;
+pub mod session;
 pub mod solve;
 pub mod steps;
 pub mod study;

@@ -112,17 +112,51 @@ pub fn rigid_step(
     registration: &Registration,
     name: StepName,
 ) -> Result<RigidStep, String> {
+    let row = step_row(done, name);
+    let PostureAt { time, knee_flexion, poses, muscles, .. } =
+        rigid_step_at(done, registration, row).map_err(|why| format!("{}: {why}", name.name()))?;
+    Ok(RigidStep { name, time, row, knee_flexion, poses, muscles })
+}
+
+/// What the rigid leg says of a reported frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PostureAt {
+    /// Time \[s\].
+    pub time: f64,
+    /// Knee flexion \[rad\].
+    pub knee_flexion: f64,
+    /// Poses of the bones ([`crate::thigh::registration::BODIES`]) relative to the mesh.
+    pub poses: [Pose; 4],
+    /// The muscles of the thigh, by name.
+    pub muscles: Vec<RigidMuscle>,
+    /// Length of every line of the leg, muscle and tendon, on the generic leg at the joint angles of the subject \[m\].
+    pub lengths: Vec<f64>,
+}
+
+impl PostureAt {
+    /// The muscle of this name; `None` where the rigid leg has no line of it.
+    pub fn muscle(&self, name: &str) -> Option<&RigidMuscle> {
+        self.muscles.iter().find(|m| m.name == name)
+    }
+}
+
+/// Row of a step among the reported frames.
+pub fn step_row(done: &Optimized, name: StepName) -> usize {
     let n = done.effort.time.len();
-    let row = ((n - 1) as f64 * name.fraction()).round() as usize;
+    ((n - 1) as f64 * name.fraction()).round() as usize
+}
+
+/// What a trial says of a reported frame, by its row; an error says why the frame cannot be used.
+pub fn rigid_step_at(done: &Optimized, registration: &Registration, row: usize) -> Result<PostureAt, String> {
     let frame = done.motion.report.start + row;
     let time = done.effort.time[row];
     if let Some(why) = &done.motion.fit[frame].failure {
-        return Err(format!("the frame of {} at {time:.3} s was not fitted: {why}", name.name()));
+        return Err(format!("the frame at {time:.3} s was not fitted: {why}"));
     }
     let verdict = &done.effort.verdicts[row];
     if verdict.status != multibody::trial::Status::Solved {
         let why = verdict.reason.as_deref().unwrap_or("no reason given");
-        return Err(format!("no muscle forces at {} ({time:.3} s): {why}", name.name()));
+        return Err(format!("no muscle forces at {time:.3} s: {why}"));
     }
     let (model, Q) = (&done.model, &done.motion.Q[frame]);
     let (units, curves) = (&MusculotendonModel::generic().units, hill::Settings::default().curves);
@@ -133,7 +167,8 @@ pub fn rigid_step(
     };
     let muscles = rigid_muscles(model, registration, Q, values);
     let knee_flexion = -knee_angle(&model.shapes, Q);
-    Ok(RigidStep { name, time, row, knee_flexion, poses: registration.poses(model, Q), muscles })
+    let lengths = lengths(model, Q);
+    Ok(PostureAt { time, knee_flexion, poses: registration.poses(model, Q), muscles, lengths })
 }
 
 /// The muscles of the thigh in the posture in which the mesh stands, at rest.
@@ -146,6 +181,15 @@ pub fn rigid_muscles_at(model: &Model, registration: &Registration, Q: &Coordina
     rigid_muscles(model, registration, Q, |_| [0.0; 3])
 }
 
+/// Lengths of all lines on the generic leg \[m\].
+fn lengths(model: &Model, Q: &Coordinates) -> Vec<f64> {
+    // No muscle of the thigh crosses the ankle, which is left at zero.
+    let [hip_flexion, hip_adduction, hip_rotation, knee_flexion, ..] = joint_angles(&model.shapes, Q);
+    let posture =
+        GenericPosture { hip_flexion, hip_adduction, hip_rotation, knee_flexion, ..Default::default() };
+    MusculotendonModel::generic().lengths(&posture).to_vec()
+}
+
 /// The muscles of the thigh in a posture; `values` gives force \[N\], activation and Hill force \[N\] of a line by its number.
 fn rigid_muscles(
     model: &Model,
@@ -154,11 +198,7 @@ fn rigid_muscles(
     values: impl Fn(usize) -> [f64; 3],
 ) -> Vec<RigidMuscle> {
     let fe = knee_angle(&model.shapes, Q);
-    // No muscle of the thigh crosses the ankle, which is left at zero.
-    let [hip_flexion, hip_adduction, hip_rotation, knee_flexion, ..] = joint_angles(&model.shapes, Q);
-    let posture =
-        GenericPosture { hip_flexion, hip_adduction, hip_rotation, knee_flexion, ..Default::default() };
-    let lengths = MusculotendonModel::generic().lengths(&posture);
+    let lengths = lengths(model, Q);
     let line = |wanted: &String| {
         let i = model.muscles.iter().position(|m| m.name == *wanted).expect("tables agree");
         let muscle = &model.muscles[i];

@@ -12,7 +12,7 @@ use fem::geometry::{SearchSurface, Surface};
 use fem::measure::{PairForce, collision_surfaces, pair_forces};
 use fem::output::{Restart, run_restartable};
 use fem::parts::{Beside, MovingBone};
-use fem::plan::{Plan, SceneError};
+use fem::plan::{Load, Plan, SceneError};
 use fem::run::{Drive, DriveFrame, Frame, Run};
 use fem::scene::{FibreLawSpec, FibreSpec};
 use fem::solve::Settings;
@@ -150,21 +150,11 @@ pub fn drive(
 ) -> Result<Drive, CompareError> {
     let mut frames = Vec::new();
     let mut push = |time: f64, poses: &[Pose; 4], controls: &[f64]| -> Result<(), CompareError> {
-        // Without fibres nothing is driven.
-        let driven = thigh.muscles.iter().zip(controls).filter(|(m, _)| plan.controls.contains(&m.name));
-        let controls: Vec<(&str, f64)> = driven.map(|(m, c)| (m.name.as_str(), *c)).collect();
-        let moved: Vec<(&str, Pose)> = BODIES
-            .iter()
-            .zip(moves(steps, stress_free, poses))
-            .filter(|(name, _)| plan.bodies.iter().any(|b| b == *name))
-            .map(|(name, pose)| (*name, pose))
-            .collect();
-        frames.push(DriveFrame { time, load: plan.load(&controls, &moved)? });
+        let load = load(plan, thigh, controls, moves(steps, stress_free, poses))?;
+        frames.push(DriveFrame { time, load });
         Ok(())
     };
-    // Fibres that pull hold a muscle taut on its way: solved in tens of iterations and not in hundreds.
-    let pulls_on_the_way = |f: &FibreSpec| matches!(f.law, FibreLawSpec::ForceLength { .. });
-    if stress_free == StressFree::Standing && !thigh.scene.fibres.iter().any(pulls_on_the_way) {
+    if has_passive_way(thigh, stress_free) {
         push(0.5, &steps[0].poses, &vec![0.0; thigh.muscles.len()])?;
     }
     for (i, step) in steps.iter().enumerate() {
@@ -173,8 +163,26 @@ pub fn drive(
     Ok(Drive { frames })
 }
 
+/// The load of the thigh: controls of its muscles, and poses of [`BODIES`] relative to the mesh.
+pub fn load(plan: &Plan, thigh: &Thigh, controls: &[f64], moved: [Pose; 4]) -> Result<Load, SceneError> {
+    // Without fibres nothing is driven.
+    let driven = thigh.muscles.iter().zip(controls).filter(|(m, _)| plan.controls.contains(&m.name));
+    let controls: Vec<(&str, f64)> = driven.map(|(m, c)| (m.name.as_str(), *c)).collect();
+    let is_in_plan = |(name, _): &(&&str, Pose)| plan.bodies.iter().any(|b| b == **name);
+    let moved: Vec<(&str, Pose)> =
+        BODIES.iter().zip(moved).filter(is_in_plan).map(|(name, pose)| (*name, pose)).collect();
+    plan.load(&controls, &moved)
+}
+
+/// Whether the way from standing to the first step is gone passively first. Fibres that pull hold a muscle taut on its way: solved in tens of
+/// iterations and not in hundreds.
+pub fn has_passive_way(thigh: &Thigh, stress_free: StressFree) -> bool {
+    let pulls_on_the_way = |f: &FibreSpec| matches!(f.law, FibreLawSpec::ForceLength { .. });
+    stress_free == StressFree::Standing && !thigh.scene.fibres.iter().any(pulls_on_the_way)
+}
+
 /// Poses of [`BODIES`] relative to the mesh, whose bones stand where it is free of stress.
-fn moves(steps: &[RigidStep], stress_free: StressFree, poses: &[Pose; 4]) -> [Pose; 4] {
+pub fn moves(steps: &[RigidStep], stress_free: StressFree, poses: &[Pose; 4]) -> [Pose; 4] {
     let start: [Pose; 4] = match stress_free {
         StressFree::Standing => Default::default(),
         StressFree::HeelStrike => steps[0].poses,
@@ -280,7 +288,7 @@ fn skins(plan: &Plan, thigh: &Thigh, frame: &Frame) -> Vec<SearchSurface> {
 }
 
 /// Force of a muscle through its belly.
-fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce {
+pub fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleForce {
     let belly = belly_force(plan, frame.snapshot(), muscle);
     let of = |kind| belly.section.along_of(kind, belly.tangent.into());
     MuscleForce {

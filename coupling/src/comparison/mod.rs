@@ -121,11 +121,11 @@ pub struct OneWay {
 pub struct Sized {
     /// The scene.
     pub scene: Scene,
-    done: Optimized,
-    registration: Registration,
-    steps: Vec<RigidStep>,
+    pub(crate) done: Optimized,
+    pub(crate) registration: Registration,
+    pub(crate) steps: Vec<RigidStep>,
     /// Muscles and bones in the size of the subject; `None` for the rigid leg alone.
-    limb: Option<Limb>,
+    pub(crate) limb: Option<Limb>,
     inputs: Vec<PathBuf>,
 }
 
@@ -330,14 +330,7 @@ impl Prepared {
         for (c, plan) in Configuration::ALL.into_iter().zip([without, with]) {
             let Some(plan) = plan else { continue };
             let way = drive(&plan, thigh, &comparison.controls, steps, self.scene.stress_free)?;
-            let tolerance = self.scene.residuals[c] / SETTINGS.least_force;
-            let mut settings = Settings { tolerance, ..SETTINGS };
-            if let Some(steps) = self.scene.strict_steps {
-                (settings.way, settings.first_step) = (Way::Strict, 1.0 / steps as f64);
-            }
-            if self.scene.check_stability {
-                settings.stability = Stability::Always;
-            }
+            let settings = settings_of(&self.scene, c);
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
             let restart = Restart { key: &key, resume };
             let folder = folder.join(c.folder());
@@ -382,7 +375,7 @@ impl Prepared {
             units,
             fits: &fits,
             scale: *scale,
-            settings: &SETTINGS,
+            settings: &settings_of(&self.scene, Configuration::WithoutContact),
         };
         two_way.passes(&first, scheme, most)
     }
@@ -475,6 +468,19 @@ impl Comparison {
         }
         Ok(())
     }
+}
+
+/// How the steps of a scene are solved.
+pub fn settings_of(scene: &Scene, configuration: Configuration) -> Settings {
+    let tolerance = scene.residuals[configuration] / SETTINGS.least_force;
+    let mut settings = Settings { tolerance, ..SETTINGS };
+    if let Some(steps) = scene.strict_steps {
+        (settings.way, settings.first_step) = (Way::Strict, 1.0 / steps as f64);
+    }
+    if scene.check_stability {
+        settings.stability = Stability::Always;
+    }
+    settings
 }
 
 /// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.

@@ -74,6 +74,22 @@ fn read<T: DeserializeOwned>(file: &Path) -> io::Result<T> {
 ///
 /// Numbers in `rest` have to be printed so that they read back the same, as `{:?}` does.
 pub fn content_hash(mesh: &Mesh, rest: &str) -> String {
+    let mut digest = of_mesh(mesh, rest);
+    digest.update(program());
+    hex(digest.finalize())
+}
+
+/// SHA-256 of a mesh and of `rest`, whichever program asks.
+pub fn lasting_hash(mesh: &Mesh, rest: &str) -> String {
+    hex(of_mesh(mesh, rest).finalize())
+}
+
+/// SHA-256 of a text, hexadecimal.
+pub fn text_hash(text: &str) -> String {
+    hex(Sha256::digest(text))
+}
+
+fn of_mesh(mesh: &Mesh, rest: &str) -> Sha256 {
     let mut digest = Sha256::new();
     for x in mesh.points.as_flattened() {
         digest.update(x.to_bits().to_le_bytes());
@@ -83,8 +99,7 @@ pub fn content_hash(mesh: &Mesh, rest: &str) -> String {
         block.nodes.iter().for_each(|node| digest.update(node.to_le_bytes()));
     }
     digest.update(format!("{:?}{:?}{rest}", mesh.node_sets, mesh.surfaces));
-    digest.update(program());
-    hex(digest.finalize())
+    digest
 }
 
 static PROGRAM: OnceLock<PathBuf> = OnceLock::new();

@@ -43,6 +43,31 @@ pub enum Calibration {
     },
 }
 
+/// What a calibration found, as it is written down: read back, nothing is computed.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WrittenCalibration {
+    /// Of Hill fibres, per muscle.
+    pub hill: Vec<Calibrated>,
+    /// Of thermal fibres, per muscle.
+    pub thermal: Vec<FibreCurve>,
+}
+
+impl Calibration {
+    /// What has to be written down of it.
+    pub fn written(&self) -> WrittenCalibration {
+        match self {
+            Calibration::None => WrittenCalibration::default(),
+            Calibration::Thermal(curves) => {
+                WrittenCalibration { thermal: curves.clone(), ..Default::default() }
+            }
+            Calibration::Hill { muscles, .. } => {
+                WrittenCalibration { hill: muscles.clone(), ..Default::default() }
+            }
+        }
+    }
+}
+
 /// A thigh whose fibres are ready for the steps.
 pub struct DrivenFibres {
     /// The thigh with the laws of its fibres.
@@ -74,6 +99,62 @@ pub fn driven_fibres(
     }
 }
 
+/// [`driven_fibres`] of a calibration that was written down; `None` where it is not one of these muscles and this kind.
+pub fn written_fibres(
+    thigh: &Thigh,
+    model: &Model,
+    registration: &Registration,
+    steps: &[RigidStep],
+    stress_free: StressFree,
+    kind: Fibres,
+    written: WrittenCalibration,
+) -> Option<Result<DrivenFibres, CompareError>> {
+    let WrittenCalibration { hill, thermal: curves } = written;
+    match kind {
+        Fibres::None => Some(driven_fibres(
+            thigh,
+            model,
+            registration,
+            steps,
+            stress_free,
+            kind,
+            &Settings::default(),
+            None,
+        )),
+        Fibres::Thermal => {
+            (curves.len() == thigh.muscles.len()).then(|| driven_thermal(thigh, curves, steps))
+        }
+        Fibres::Hill => {
+            let same = hill.iter().map(|m| &m.muscle).eq(thigh.muscles.iter().map(|m| &m.name));
+            let names: Vec<&str> = thigh.muscles.iter().map(|m| m.name.as_str()).collect();
+            let units = units_as_meshed(&names, model, registration, steps, stress_free);
+            same.then(|| driven_hill(thigh, units, scale(registration), hill, steps))
+        }
+    }
+}
+
+/// The units of muscles in the posture for which the mesh is taken.
+pub fn units_as_meshed(
+    muscles: &[&str],
+    model: &Model,
+    registration: &Registration,
+    steps: &[RigidStep],
+    stress_free: StressFree,
+) -> Vec<MuscleUnit> {
+    let meshed = match stress_free {
+        StressFree::Standing => rigid_muscles_standing(model, registration),
+        StressFree::HeelStrike => steps[0].muscles.clone(),
+    };
+    let rigid =
+        |name: &&str| meshed.iter().find(|r| r.name == **name).expect("every muscle of the thigh has lines");
+    muscles.iter().map(|name| MuscleUnit::new(rigid(name), hill::Settings::default().curves)).collect()
+}
+
+/// How many times longer than the generic leg that of the mesh is.
+pub fn scale(registration: &Registration) -> f64 {
+    registration.thigh_length() / multibody::muscle::path::GENERIC_THIGH
+}
+
 fn thermal(
     thigh: &Thigh,
     steps: &[RigidStep],
@@ -81,7 +162,15 @@ fn thermal(
     cache: Option<&Cache>,
 ) -> Result<DrivenFibres, CompareError> {
     let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
-    let curves = calibrate(thigh, &forces, settings, cache)?;
+    driven_thermal(thigh, calibrate(thigh, &forces, settings, cache)?, steps)
+}
+
+fn driven_thermal(
+    thigh: &Thigh,
+    curves: Vec<FibreCurve>,
+    steps: &[RigidStep],
+) -> Result<DrivenFibres, CompareError> {
+    let forces: Vec<Vec<f64>> = steps.iter().map(|s| wanted(thigh, s)).collect();
     let contraction = |(i, force): (usize, &f64)| {
         curves[i].contraction_for(*force).ok_or_else(|| CalibrationError::TooWeak {
             muscle: thigh.muscles[i].name.clone(),
@@ -104,19 +193,9 @@ fn hill(
     settings: &Settings,
     cache: Option<&Cache>,
 ) -> Result<DrivenFibres, CompareError> {
-    let curves = hill::Settings::default().curves;
-    // In the posture for which the mesh is taken.
-    let meshed = match stress_free {
-        StressFree::Standing => rigid_muscles_standing(model, registration),
-        StressFree::HeelStrike => steps[0].muscles.clone(),
-    };
-    let units: Vec<MuscleUnit> = thigh
-        .muscles
-        .iter()
-        .map(|m| meshed.iter().find(|r| r.name == m.name).expect("every muscle of the thigh has lines"))
-        .map(|rigid| MuscleUnit::new(rigid, curves))
-        .collect();
-    let scale = registration.thigh_length() / multibody::muscle::path::GENERIC_THIGH;
+    let names: Vec<&str> = thigh.muscles.iter().map(|m| m.name.as_str()).collect();
+    let units = units_as_meshed(&names, model, registration, steps, stress_free);
+    let scale = scale(registration);
     let posture = |[hip, knee]: [f64; 2]| {
         let Q = registration.posture(model, hip.to_radians(), knee.to_radians())?;
         Some(Posture {
@@ -130,6 +209,16 @@ fn hill(
         StressFree::HeelStrike => Vec::new(),
     };
     let muscles = calibrate_hill(thigh, &units, scale, &postures, settings, cache)?;
+    driven_hill(thigh, units, scale, muscles, steps)
+}
+
+fn driven_hill(
+    thigh: &Thigh,
+    units: Vec<MuscleUnit>,
+    scale: f64,
+    muscles: Vec<Calibrated>,
+    steps: &[RigidStep],
+) -> Result<DrivenFibres, CompareError> {
     let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
     let thigh = with_laws(thigh, &units, scale, &fits);
     let mut controls = Vec::new();

@@ -16,7 +16,8 @@ use crate::steps::RigidMuscle;
 /// Activations at which the law is tabulated. A lengthening fibre pulls up to 1.8 times as hard as one at rest
 /// ([`multibody::muscle::curves::Thelen2003::f_len`]).
 const ACTIVATIONS: [f64; 15] = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8];
-const MOST_ACTIVE: f64 = ACTIVATIONS[ACTIVATIONS.len() - 1];
+/// The greatest isometric activation that is tabulated.
+pub const MOST_ACTIVE: f64 = ACTIVATIONS[ACTIVATIONS.len() - 1];
 /// Samples of the law in length.
 const LENGTHS: usize = 96;
 /// Fibre lengths over which it is tabulated, in multiples of the optimal length.

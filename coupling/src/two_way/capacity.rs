@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::fibres::muscle_unit::MuscleUnit;
 use crate::thigh::build::Thigh;
-use crate::thigh::registration::Registration;
+use crate::thigh::registration::{BODIES, Registration};
 use crate::thigh::section::belly_force;
 
 /// Below this force \[N\] moment over force says nothing about a lever arm.
@@ -84,6 +84,27 @@ impl VirtualTwists {
         VirtualTwists { bodies, hip: registration.frames().hip }
     }
 
+    /// Twists of the bones about the hip centre of the mesh \[m\], femur held: per bone of [`BODIES`], per coordinate, velocity
+    /// \[m/rad\] and angular velocity, in the frame of the mesh.
+    pub fn given(twists: &BoneTwists, hip: Vector3<f64>) -> VirtualTwists {
+        let of_bone = |(body, of): (&&'static str, &[[f64; 6]; MOVED])| {
+            let two = |t: &[f64; 6]| [Vector3::new(t[0], t[1], t[2]), Vector3::new(t[3], t[4], t[5])];
+            (*body, of.iter().map(two).collect())
+        };
+        let moving = BODIES.iter().zip(twists).filter(|(body, _)| **body != "thigh");
+        VirtualTwists { bodies: moving.map(of_bone).collect(), hip }
+    }
+
+    /// The same, told.
+    pub fn told(&self) -> BoneTwists {
+        let of_bone = |body: &str| {
+            let twists = self.bodies.iter().find(|b| b.0 == body).map(|b| &b.1);
+            let one = |c: usize| twists.map_or([0.0; 6], |t| std::array::from_fn(|i| t[c][i / 3][i % 3]));
+            std::array::from_fn(one)
+        };
+        BODIES.map(of_bone)
+    }
+
     /// Virtual work \[N·m/rad\] per coordinate of a wrench on a body, moments about the hip centre; none on the femur, which is held.
     pub fn work(&self, body: &str, wrench: &Wrench) -> DVector<f64> {
         let n = self.bodies[0].1.len();
@@ -95,11 +116,13 @@ impl VirtualTwists {
 
 /// Joint coordinates that muscles of the thigh move: three of the hip, one of the knee.
 pub const MOVED: usize = 4;
+/// Per bone of [`BODIES`] and joint coordinate a twist: velocity of its point at the hip centre of the mesh, and angular velocity.
+pub type BoneTwists = [[[f64; 6]; MOVED]; BODIES.len()];
 /// Their names.
 pub const COORDINATES: [&str; MOVED] = ["hip_flexion", "hip_adduction", "hip_rotation", "knee_flexion"];
 
 /// What force sharing counts on a muscle of the thigh for, at a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MuscleCapacity {
     /// Its lines are longer by this than in the posture of the mesh \[m\].
     pub shift: f64,

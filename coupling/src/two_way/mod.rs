@@ -16,6 +16,8 @@ use std::io::{self, Write};
 use fem::plan::Plan;
 use fem::run::{Advanced, Drive, DriveFrame, Frame, Session};
 use fem::solve::{Iteration, Settings};
+use multibody::loads::Loads;
+use multibody::model::Model;
 use multibody::share::{SharingSettings, names, problem};
 use multibody::sharing::{Capacity, LeverArm, SharingProblem, SharingSolver};
 use multibody::trial::Status;
@@ -24,7 +26,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::CouplingError;
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
 use crate::optimize::Optimized;
-use crate::steps::RigidStep;
+use crate::steps::{RigidMuscle, RigidStep};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
 use crate::two_way::capacity::{
@@ -37,7 +39,7 @@ pub const TOLERANCE: f64 = 1e-3;
 /// Passes at most.
 pub const MOST_PASSES: usize = 16;
 /// The coordinate at which sewn muscles are one unit; at the hip each pulls at the pelvis by itself.
-const KNEE: usize = 3;
+pub const KNEE: usize = 3;
 /// Numbers of a muscle at a step.
 const N: usize = MuscleCapacity::N;
 /// Tensions below this \[N\] say nothing about the fraction that comes through the belly.
@@ -150,22 +152,15 @@ impl TwoWay<'_> {
         let drives: Vec<Vec<f64>> = (0..self.steps.len()).map(|k| self.drives(self.at_step(k))).collect();
         let (mut x, mut shown) = self.capacity(&seen, &rigid, &drives);
         let mut ever = shown.clone();
-        let mut sessions: Vec<Session> = Vec::new();
-        for (k, _) in self.steps.iter().enumerate() {
-            let mut session = Session::new(self.plan, self.settings, None)
-                .map_err(|error| CouplingError::NotConverged(format!("two-way coupling: {error}")))?;
-            let way = self.drive.frames.len() - self.steps.len();
-            for frame in &self.drive.frames[..=way + k] {
-                advance(&mut session, frame)?;
-            }
-            sessions.push(session);
-        }
+        // From the result of the pass before, by solvers of their own: a pass hangs on that state alone.
+        let mut at: Vec<Frame> = first.iter().map(|frame| (*frame).clone()).collect();
         while coupling.passes.len() < most {
             let carried: Result<Vec<(Shared, Coupled)>, CouplingError> = (self.steps.iter().enumerate())
                 .map(|(k, step)| {
                     let sharing = self.share(step, &x, k)?;
                     let frame = self.frame(&sharing.f, &x, k)?;
-                    let Advanced { frame: solved, iterations, .. } = advance(&mut sessions[k], &frame)?;
+                    let Advanced { frame: solved, iterations, .. } =
+                        advance(self.plan, self.settings, &at[k], &frame)?;
                     let (tensions, drives) = (sharing.f.clone(), self.drives(&frame));
                     Ok((sharing, Coupled { tensions, drives, frame: solved, iterations }))
                 })
@@ -187,6 +182,7 @@ impl TwoWay<'_> {
             let mut pass = self.pass(Some(change), &shared, &seen)?;
             pass.changed_most = Some(self.name_of((&image - &x).iamax()));
             coupling.passes.push(pass);
+            at = last.iter().map(|c| c.frame.clone()).collect();
             coupling.last = last;
             coupling.shortcomings = shared.into_iter().filter_map(|s| s.infeasible).collect();
             if change < TOLERANCE {
@@ -283,16 +279,7 @@ impl TwoWay<'_> {
         for k in 0..self.steps.len() {
             for (m, action) in seen[k].iter().enumerate() {
                 let shift = self.shift(m, action.stretch);
-                let tension = self.units[m].force(shift, drives[k][m]);
-                let pulls = tension >= LEAST_TENSION;
-                let arms: [Option<f64>; MOVED] = std::array::from_fn(|c| action.lever_arms[c]);
-                let now = MuscleCapacity {
-                    shift,
-                    tissue: action.tissue,
-                    through_belly: (action.force - action.tissue) / tension,
-                    lever_arms: arms.map(Option::unwrap_or_default),
-                };
-                let says = [pulls, true, pulls].into_iter().chain(arms.map(|arm| arm.is_some()));
+                let (now, says) = seen_capacity(action, &self.units[m], shift, drives[k][m]);
                 let at = self.at(k, m);
                 for (i, (value, says)) in now.scaled().into_iter().zip(says).enumerate() {
                     if says {
@@ -311,20 +298,8 @@ impl TwoWay<'_> {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
             for m in 0..self.thigh.muscles.len() {
                 let (lines, unit) = (self.lines(m), &self.units[m]);
-                let f_max = |i: &usize| self.done.model.muscles[*i].f_max;
-                let strength: f64 = lines.iter().map(f_max).sum();
-                let arm = |c: usize| {
-                    let arm = |i: &usize| f_max(i) * reduced.lever_arms[(c, *i)];
-                    lines.iter().map(arm).sum::<f64>() / strength
-                };
-                let nominal = MuscleCapacity {
-                    shift: step
-                        .muscle(&self.thigh.muscles[m].name)
-                        .map_or(0.0, |rigid| unit.fibre_length_at(rigid) - unit.fibre_length(0.0)),
-                    tissue: 0.0,
-                    through_belly: 1.0,
-                    lever_arms: std::array::from_fn(arm),
-                };
+                let rigid = step.muscle(&self.thigh.muscles[m].name);
+                let nominal = nominal_capacity(&self.done.model, &reduced.lever_arms, unit, &lines, rigid);
                 x.rows_mut(self.at(k, m), N).copy_from_slice(&nominal.scaled());
             }
         }
@@ -334,26 +309,11 @@ impl TwoWay<'_> {
     /// Force sharing at a step with a capacity.
     fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, CouplingError> {
         let model = &self.done.model;
-        let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
-        for m in 0..self.thigh.muscles.len() {
-            let of_muscle = self.capacity_in(x, k, m);
-            let bounds = of_muscle.bounds(&self.units[m]);
-            let lines = self.lines(m);
-            let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
-            for &i in &lines {
-                let fraction = model.muscles[i].f_max / strength;
-                capacity.bounds[i] = bounds.map(|bound| fraction * bound);
-                let arms = of_muscle.lever_arms.into_iter().enumerate();
-                capacity.lever_arms.extend(arms.map(|(coordinate, arm)| LeverArm {
-                    coordinate,
-                    muscle: i,
-                    arm,
-                }));
-            }
-        }
-        let problem: SharingProblem =
-            problem(model, &self.done.loads, step.row, &capacity, &SharingSettings::default())
-                .ok_or_else(|| no_loads(step))?;
+        let capacities: Vec<MuscleCapacity> =
+            (0..self.thigh.muscles.len()).map(|m| self.capacity_in(x, k, m)).collect();
+        let lines: Vec<Vec<usize>> = (0..self.thigh.muscles.len()).map(|m| self.lines(m)).collect();
+        let problem = sharing_problem(model, &self.done.loads, step.row, self.units, &lines, &capacities)
+            .ok_or_else(|| no_loads(step))?;
         let mut solver = SharingSolver::new(names(model), SharingSettings::default().options);
         let solved = solver.solve(&problem)?;
         if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
@@ -430,12 +390,91 @@ impl TwoWay<'_> {
     }
 }
 
+/// The sharing problem of a reported frame in which the muscles of the thigh have these capacities. `lines`: per muscle the numbers of the
+/// model's lines that belong to it. `None` where the loads are unknown.
+pub fn sharing_problem(
+    model: &Model,
+    loads: &Loads,
+    row: usize,
+    units: &[MuscleUnit],
+    lines: &[Vec<usize>],
+    capacities: &[MuscleCapacity],
+) -> Option<SharingProblem> {
+    let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
+    for ((of_muscle, unit), lines) in capacities.iter().zip(units).zip(lines) {
+        let bounds = of_muscle.bounds(unit);
+        let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
+        for &i in lines {
+            let fraction = model.muscles[i].f_max / strength;
+            capacity.bounds[i] = bounds.map(|bound| fraction * bound);
+            let arms = of_muscle.lever_arms.into_iter().enumerate();
+            capacity.lever_arms.extend(arms.map(|(coordinate, arm)| LeverArm { coordinate, muscle: i, arm }));
+        }
+    }
+    problem(model, loads, row, &capacity, &SharingSettings::default())
+}
+
+/// The capacity that a muscle shows at a change of length `shift` \[m\] under the isometric activation `drive`, and which of its
+/// [numbers](MuscleCapacity::scaled) can be seen: a slack one hangs as it may, and not where it would pull.
+pub fn seen_capacity(
+    action: &MuscleAction,
+    unit: &MuscleUnit,
+    shift: f64,
+    drive: f64,
+) -> (MuscleCapacity, [bool; N]) {
+    let tension = unit.force(shift, drive);
+    let pulls = tension >= LEAST_TENSION;
+    let arms: [Option<f64>; MOVED] = std::array::from_fn(|c| action.lever_arms[c]);
+    let now = MuscleCapacity {
+        shift,
+        tissue: action.tissue,
+        through_belly: (action.force - action.tissue) / tension,
+        lever_arms: arms.map(Option::unwrap_or_default),
+    };
+    let says = std::array::from_fn(|i| match i {
+        0 | 2 => pulls,
+        1 => true,
+        arm => arms[arm - 3].is_some(),
+    });
+    (now, says)
+}
+
+/// Capacity of a muscle before anything is seen of it: the length of its lines, and the mean of their lever arms, each with its strength.
+pub fn nominal_capacity(
+    model: &Model,
+    lever_arms: &DMatrix<f64>,
+    unit: &MuscleUnit,
+    lines: &[usize],
+    rigid: Option<&RigidMuscle>,
+) -> MuscleCapacity {
+    let f_max = |i: &usize| model.muscles[*i].f_max;
+    let strength: f64 = lines.iter().map(f_max).sum();
+    let arm = |c: usize| {
+        let arm = |i: &usize| f_max(i) * lever_arms[(c, *i)];
+        lines.iter().map(arm).sum::<f64>() / strength
+    };
+    MuscleCapacity {
+        shift: rigid.map_or(0.0, |rigid| unit.fibre_length_at(rigid) - unit.fibre_length(0.0)),
+        tissue: 0.0,
+        through_belly: 1.0,
+        lever_arms: std::array::from_fn(arm),
+    }
+}
+
 fn no_loads(step: &RigidStep) -> CouplingError {
     CouplingError::NotConverged(format!("no loads at {}", step.name.name()))
 }
 
-fn advance(session: &mut Session, frame: &DriveFrame) -> Result<Advanced, CouplingError> {
-    let done = session.advance(frame);
+fn advance(
+    plan: &Plan,
+    settings: &Settings,
+    from: &Frame,
+    to: &DriveFrame,
+) -> Result<Advanced, CouplingError> {
+    let session = Session::from_frame(plan, settings, from, 0);
+    let done = session
+        .map_err(|error| CouplingError::NotConverged(format!("two-way coupling: {error}")))?
+        .advance(to);
     match done.errors.first() {
         None => Ok(done),
         Some(error) => Err(CouplingError::NotConverged(format!("two-way coupling: {error}"))),

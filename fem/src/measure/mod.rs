@@ -1,9 +1,11 @@
 //! Measures: what people want to know of a state. Section forces, reactions, energies, volume, stress, fibre stretch.
 
+mod condensed;
 mod field;
 mod section;
 mod sides;
 
+pub use condensed::condensed_stiffness;
 pub use field::{
     EffectEnergy, FibreState, SolidField, energies, fibre_states, kinetic_energy, membrane_field,
     solid_field, volume,
