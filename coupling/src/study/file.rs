@@ -567,7 +567,7 @@ pub(super) fn said(error: &InputError) -> String {
 }
 
 /// Names of the muscle lines, in the order of the model.
-fn muscle_lines() -> Vec<String> {
+pub fn muscle_lines() -> Vec<String> {
     let mut table = csv::Reader::from_reader(include_str!("../../../gait-data/muscles.csv").as_bytes());
     let column = table.headers().ok().and_then(|names| names.iter().position(|n| n == "name"));
     let column = column.expect("built-in table");

@@ -17,6 +17,8 @@ mod study;
 mod template;
 mod workers;
 
+pub use study::{Collected, collect};
+
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
