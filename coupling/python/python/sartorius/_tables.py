@@ -1,0 +1,36 @@
+"""Tables as pandas has them, or plain where it is not installed."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any, Mapping
+
+import numpy as np
+
+try:
+    import pandas
+except ImportError:  # tables are dictionaries of columns then
+    pandas = None
+
+
+def table(columns: Mapping[str, Any]) -> Any:
+    """A `pandas.DataFrame` of the columns; a dictionary of them where pandas is not installed."""
+    return dict(columns) if pandas is None else pandas.DataFrame(dict(columns))
+
+
+def read_csv(file: Path) -> Any:
+    """The table in a CSV file; numbers read back to the last bit."""
+    if pandas is not None:
+        return pandas.read_csv(file, float_precision="round_trip")
+    with open(file, newline="") as text:
+        rows = list(csv.reader(text))
+    columns = {name: [row[i] for row in rows[1:]] for i, name in enumerate(rows[0])}
+    return {name: _numbers(cells) for name, cells in columns.items()}
+
+
+def _numbers(cells: list[str]) -> Any:
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in cells])
+    except ValueError:
+        return cells
