@@ -1,0 +1,286 @@
+//! Studies: is a run what `optimize` computes, is the table the same whoever carried it out, does a killed worker lose or double anything, and is every mistake
+//! named before anything runs?
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use coupling::optimize::{OptimizeOptions, optimize};
+use coupling::study::Study;
+use coupling::study::run::curves;
+use nalgebra::Vector3;
+use support::{program, sartorius};
+
+/// The walker with uncertain landmarks and strengths and two ways to share forces.
+const WALKER: &str = "samples = 6\nseed = 3\n\n[[setting]]\nname = \"force\"\n\n[[setting]]\nname = \"activation\"\nkeys = { \"optimize.cost\" = \"activation\" }\n\n\
+    [[vary]]\nkey = \"landmarks\"\ndistribution = \"normal\"\nsd = 5.0\n\n[[vary]]\nkey = \"strengths\"\ndistribution = \"normal\"\nsd = 0.2\n";
+
+/// A table as maps from column to cell, a map per run.
+fn table(file: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(file).unwrap();
+    let header = reader.headers().unwrap().clone();
+    let row =
+        |r: csv::StringRecord| header.iter().map(String::from).zip(r.iter().map(String::from)).collect();
+    reader.records().map(|r| row(r.unwrap())).collect()
+}
+
+fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("`{column}` is `{}`", row[column]))
+}
+
+#[test]
+fn a_run_is_what_optimize_computes_with_the_values_of_its_row() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("walker.toml"), WALKER).unwrap();
+    let output = sartorius(&["study", "walker.toml", "--out", "out", "--quiet"], folder.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows = table(&folder.path().join("out/table.csv"));
+    assert_eq!(rows.len(), 12);
+    // Both settings have the same samples.
+    let inputs: Vec<&String> =
+        rows[0].keys().filter(|k| k.starts_with("landmarks") || k.starts_with("strengths")).collect();
+    assert_eq!(inputs.len(), 36 + 43);
+    for pair in rows.chunks(2) {
+        assert!(
+            inputs.iter().all(|k| pair[0][*k] == pair[1][*k]) && pair[0]["setting"] != pair[1]["setting"]
+        );
+    }
+    for row in &rows[4..8] {
+        let mut options = OptimizeOptions::default();
+        for column in &inputs {
+            let value = number(row, column);
+            match column.split('.').collect::<Vec<_>>()[..] {
+                ["strengths", muscle] => drop(options.changes.strengths.insert(muscle.into(), value)),
+                ["landmarks", name, axis] => {
+                    let axis = ["x_mm", "y_mm", "z_mm"].iter().position(|a| *a == axis).unwrap();
+                    let mut shift = Vector3::zeros();
+                    shift[axis] = 1e-3 * value;
+                    assert!(options.changes.landmarks.add(name, shift));
+                }
+                _ => panic!("{column}"),
+            }
+        }
+        if row["setting"] == "activation" {
+            options.sharing.muscle_cost = multibody::sharing::MuscleCost::Activation;
+        }
+        let done = optimize(&options).unwrap();
+        for (name, values) in curves(&done.effort) {
+            let peak = values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(*v));
+            assert_eq!(
+                peak.to_bits(),
+                number(row, &format!("peak_{name}_N")).to_bits(),
+                "{name} of run {}",
+                row["run"]
+            );
+        }
+        let knee = done.effort.reactions.column("knee_medial").unwrap();
+        let knee = knee.iter().zip(done.effort.reactions.column("knee_lateral").unwrap()).map(|(m, l)| m + l);
+        assert_eq!(knee.fold(0.0, f64::max).to_bits(), number(row, "peak_knee_N").to_bits());
+    }
+    let spread = |column: &str| {
+        let values: Vec<f64> = rows.iter().map(|row| number(row, column)).collect();
+        values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(*v))
+            - values.iter().fold(f64::INFINITY, |m, v| m.min(*v))
+    };
+    assert!(spread("peak_knee_N") > 10.0, "what varies changes the knee force");
+}
+
+/// Strength is what a muscle can pull: with half of it, force sharing by activations asks as much of it as of a muscle of half the size.
+#[test]
+fn strengths_bound_the_forces() {
+    let peak = |factor: f64| {
+        let mut options = OptimizeOptions::default();
+        options.changes.strengths.insert("soleus".into(), factor);
+        let done = optimize(&options).unwrap();
+        let soleus = done.model.muscles.iter().find(|m| m.name == "soleus").unwrap().f_max;
+        let force = done.effort.forces.column("soleus").unwrap();
+        (soleus, force.iter().fold(0.0, |m: f64, v| m.max(*v)))
+    };
+    let (strong, free) = peak(1.0);
+    let (weak, bounded) = peak(0.1);
+    assert!((weak / strong - 0.1).abs() < 1e-12);
+    assert!(
+        free > weak && (bounded / weak - 1.0).abs() < 1e-6,
+        "{free} N unbounded, {bounded} N of {weak} N"
+    );
+}
+
+#[test]
+fn the_table_is_the_same_whoever_carried_it_out_and_in_whatever_pieces() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("walker.toml"), WALKER).unwrap();
+    let study = |arguments: &[&str]| {
+        let all = [&["study", "walker.toml", "--quiet"], arguments].concat();
+        sartorius(&all, at)
+    };
+    assert!(study(&["--out", "one", "--workers", "1"]).status.success());
+    assert!(study(&["--out", "three", "--workers", "3"]).status.success());
+    // Tasks of a job array, side by side, then table and page.
+    let parts: Vec<_> = (1..=3)
+        .map(|k| {
+            let part = format!("{k}/3");
+            let arguments =
+                ["study", "walker.toml", "--quiet", "--out", "parts", "--workers", "1", "--part", &part];
+            Command::new(program()).args(arguments).current_dir(at).spawn().unwrap()
+        })
+        .collect();
+    for mut part in parts {
+        assert!(part.wait().unwrap().success());
+    }
+    assert!(!at.join("parts/table.csv").exists());
+    assert!(study(&["--out", "parts", "--collect"]).status.success());
+    let files = ["table.csv", "table.parquet", "report.html"];
+    for file in files {
+        let one = fs::read(at.join("one").join(file)).unwrap();
+        for other in ["three", "parts"] {
+            assert!(one == fs::read(at.join(other).join(file)).unwrap(), "{file} of {other}");
+        }
+    }
+    // What is done is taken over, and only that.
+    let run = at.join("one").join(Study::folder(5)).join("run.json");
+    let untouched = at.join("one").join(Study::folder(6)).join("run.json");
+    let before = fs::metadata(&untouched).unwrap().modified().unwrap();
+    let old = fs::read(&run).unwrap();
+    fs::write(&run, &old[..old.len() / 2]).unwrap();
+    assert!(study(&["--out", "one", "--resume"]).status.success());
+    assert_eq!(fs::metadata(&untouched).unwrap().modified().unwrap(), before);
+    assert!(fs::read(at.join("one/table.csv")).unwrap() == fs::read(at.join("three/table.csv")).unwrap());
+    // Another study in the same folder takes over nothing.
+    fs::write(at.join("walker.toml"), WALKER.replace("sd = 5.0", "sd = 4.0")).unwrap();
+    assert!(study(&["--out", "one", "--resume"]).status.success());
+    assert!(fs::read(at.join("one/table.csv")).unwrap() != fs::read(at.join("three/table.csv")).unwrap());
+}
+
+/// Processes whose parent this is.
+#[cfg(target_os = "linux")]
+fn children(parent: u32) -> Vec<u32> {
+    let processes = fs::read_dir("/proc").unwrap().flatten();
+    let numbers = processes.filter_map(|e| e.file_name().to_str()?.parse::<u32>().ok());
+    let is_child = |p: &u32| {
+        let stat = fs::read_to_string(format!("/proc/{p}/stat")).unwrap_or_default();
+        let after_name = stat.rsplit(')').next().unwrap_or("").split_whitespace().nth(1).map(str::to_string);
+        after_name == Some(parent.to_string())
+    };
+    numbers.filter(is_child).collect()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_worker_that_is_killed_loses_nothing_and_doubles_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("walker.toml"), WALKER.replace("samples = 6", "samples = 30")).unwrap();
+    let start = |out: &str| {
+        let arguments = ["study", "walker.toml", "--workers", "2", "--out", out];
+        Command::new(program()).args(arguments).current_dir(at).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    assert!(start("whole").wait().unwrap().success());
+    let mut study = start("killed");
+    let begun = Instant::now();
+    let mut killed = 0;
+    while killed < 3 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no worker to kill");
+        if let Some(worker) = children(study.id()).first() {
+            std::thread::sleep(Duration::from_millis(150));
+            killed += usize::from(
+                Command::new("kill").args(["-9", &worker.to_string()]).status().unwrap().success(),
+            );
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let mut said = String::new();
+    let status = study.wait().unwrap();
+    study.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(status.success(), "{said}");
+    assert!(fs::read(at.join("whole/table.csv")).unwrap() == fs::read(at.join("killed/table.csv")).unwrap());
+}
+
+#[test]
+fn failures_are_rows_with_their_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // Strengths of a tenth carry no walker, and recordings that are not there are named.
+    let text = "samples = 2\nsequence = \"random\"\n\n[[subject]]\nname = \"walker\"\ntrial = \"walker\"\n\n[[subject]]\nname = \"elsewhere\"\ntrial = \"DM_ngait_og3\"\n\n\
+        [[vary]]\nkey = \"strengths\"\ndistribution = \"uniform\"\nlow = 0.01\nhigh = 0.02\n";
+    fs::write(at.join("weak.toml"), text).unwrap();
+    let output = sartorius(&["study", "weak.toml", "--out", "out", "--json"], at);
+    assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
+    let verdict: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&verdict["solved"], &verdict["done"]), (&0.into(), &4.into()));
+    let rows = table(&at.join("out/table.csv"));
+    for row in &rows {
+        let wanted = match row["subject"].as_str() {
+            "walker" => ["not_converged", "of 101 frames are not solved"],
+            _ => ["refused", "DM_ngait_og3"],
+        };
+        assert!(row["status"] == wanted[0] && row["reason"].contains(wanted[1]), "{row:?}");
+        assert!(!row.contains_key("peak_knee_N"), "no number of runs without results");
+    }
+    let page = fs::read_to_string(at.join("out/report.html")).unwrap();
+    assert!(page.contains("Failures by reason") && page.contains("# of # frames are not solved"));
+    let record: serde_json::Value =
+        serde_json::from_slice(&fs::read(at.join("out/run.json")).unwrap()).unwrap();
+    assert_eq!(record["status"], "not_converged");
+}
+
+#[test]
+fn mistakes_are_named_before_anything_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(
+        at.join("wrong.toml"),
+        WALKER.replace("optimize.cost", "optimize.costs").replace("\"landmarks\"", "\"landmark\""),
+    )
+    .unwrap();
+    let output = sartorius(&["study", "wrong.toml", "--out", "out"], at);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for words in ["line 9", "did you mean `optimize.cost`?", "line 12", "did you mean `landmarks`?"] {
+        assert!(said.contains(words), "{words} in {said}");
+    }
+    assert!(!at.join("out").exists());
+    fs::write(at.join("scene.toml"), "resolution_mm = 20.0\n").unwrap();
+    let output = sartorius(&["study", "scene.toml"], at);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && said.contains("this is a scene, not a study"), "{said}");
+    let output = sartorius(&["study", "wrong.toml", "--part", "4/3"], at);
+    assert_eq!(output.status.code(), Some(2));
+    fs::write(at.join("right.toml"), WALKER).unwrap();
+    let output = sartorius(&["check", "right.toml"], at);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("12 runs"), "{output:?}");
+}
+
+/// Scenes: what varies reaches the thigh, frames are dropped, numbers are those of `step`.
+#[test]
+fn runs_of_a_scene_are_those_of_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = "run = \"compare\"\nscene = \"scene.toml\"\ncontact = \"without\"\nsamples = 2\n\n\
+        [[vary]]\nkey = \"scene.materials.matrix_a_kpa\"\ndistribution = \"choice\"\nvalues = [3.0, 6.0]\n";
+    let scene = "muscles = [\"sartorius\"]\nresolution_mm = 20.0\n";
+    fs::write(at.join("scene.toml"), scene).unwrap();
+    fs::write(at.join("one.toml"), text).unwrap();
+    let output = sartorius(&["study", "one.toml", "--out", "out", "--quiet"], at);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows = table(&at.join("out/table.csv"));
+    let column = "heel_strike.no_contact.section_force_N.sartorius";
+    let stiff: Vec<f64> = rows.iter().map(|row| number(row, "scene.materials.matrix_a_kpa")).collect();
+    assert!(stiff.contains(&3.0) && stiff.contains(&6.0), "{stiff:?}");
+    for (row, a) in rows.iter().zip(stiff) {
+        fs::write(at.join("alone.toml"), format!("{scene}[materials]\nmatrix_a_kpa = {a:?}\n")).unwrap();
+        let output =
+            sartorius(&["compare", "alone.toml", "--contact", "without", "--out", "alone", "--quiet"], at);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let quantities = fs::read_to_string(at.join("alone/quantities.csv")).unwrap();
+        let line = quantities
+            .lines()
+            .find(|l| l.starts_with("heel_strike,no_contact,section_force_N,sartorius,"))
+            .unwrap();
+        assert_eq!(line.rsplit(',').next().unwrap(), format!("{:.6e}", number(row, column)));
+    }
+    assert!(!at.join("out").join(Study::folder(0)).join("no_contact").exists());
+}
