@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import sartorius
 from conftest import STUDY
+from sartorius._tables import read_csv
 
 distributed = pytest.importorskip("distributed")
 
@@ -28,7 +29,7 @@ def test_dask_and_this_machine_make_the_same_table(study_file, tmp_path, cluster
     for name in ["table.csv", "table.parquet", "report.html"]:
         assert (here.folder / name).read_bytes() == (dask.folder / name).read_bytes(), name
     table = here.table
-    csv = pd.read_csv(here.folder / "table.csv", float_precision="round_trip")
+    csv = read_csv(here.folder / "table.csv")
     assert list(table.columns) == list(csv.columns) and len(table) == 12
     numbers = [name for name in csv.columns if csv[name].dtype == float and name != "reason"]
     assert len(numbers) > 100

@@ -76,7 +76,7 @@ impl Axes {
             let class = if v == 0.0 { "zero" } else { "gridline" };
             let _ = write!(
                 svg,
-                "<path class=\"{class}\" d=\"M{} {}H{}\"/><text class=\"end\" x=\"{}\" y=\"{}\">{}</text>",
+                "<path class=\"{class}\" d=\"M{} {}H{}\"/><text class=\"end\" x=\"{}\" y=\"{}\" dy=\"3.5\">{}</text>",
                 px(FRAME[0]),
                 self.y(v),
                 px(FRAME[2]),
