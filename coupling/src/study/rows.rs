@@ -1,10 +1,41 @@
-//! The table of a study: a row per run, also per run without results.
+//! The table of a study: a row per run, also per run without results. Columns are named once and rows hold their cells alone, so that a million of them fit
+//! in memory.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::file::Study;
 use super::run::{Done, RunStatus};
+
+/// A value of what varies.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// A number.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+/// One run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Place in [`Study::subjects`].
+    pub subject: usize,
+    /// Place in [`Study::settings`].
+    pub setting: usize,
+    /// Which sample.
+    pub sample: usize,
+    /// How it ended.
+    pub status: RunStatus,
+    /// Why, when it is not solved.
+    pub reason: Option<String>,
+    /// Wall time \[s\].
+    pub seconds: f64,
+    /// Values of [`Rows::inputs`].
+    pub values: Vec<Cell>,
+    /// Numbers, by their place in the order in which runs had them first.
+    numbers: Vec<f64>,
+}
 
 /// What came of all runs that are done.
 pub struct Rows {
@@ -13,43 +44,87 @@ pub struct Rows {
     /// Names of the numbers of solved runs, sorted.
     pub numbers: Vec<String>,
     /// A row per run, in their order; `None`: it is not done.
-    pub runs: Vec<Option<Done>>,
+    pub runs: Vec<Option<Row>>,
+    /// Place in a row of every name of `numbers`.
+    places: Vec<usize>,
 }
 
 impl Rows {
     /// Reads what lies below `out`. `key`: that of [`Study::key`].
     pub fn read(study: &Study, key: &str, out: &Path) -> Rows {
-        let runs: Vec<Option<Done>> = (0..study.n_runs()).map(|run| Study::done(out, key, run)).collect();
-        let names: BTreeSet<&String> = runs.iter().flatten().flat_map(|done| done.numbers.keys()).collect();
-        Rows {
-            inputs: study.dimensions.iter().map(|d| d.target.column()).collect(),
-            numbers: names.into_iter().cloned().collect(),
-            runs,
-        }
+        let inputs: Vec<String> = study.dimensions.iter().map(|d| d.target.column()).collect();
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
+        let mut row = |run: usize| {
+            let done = Study::done(out, key, run)?;
+            let mut numbers = vec![f64::NAN; known.len()];
+            for (name, number) in &done.numbers {
+                let place = match known.get(name) {
+                    Some(place) => *place,
+                    None => {
+                        known.insert(name.clone(), known.len());
+                        numbers.push(f64::NAN);
+                        known.len() - 1
+                    }
+                };
+                numbers[place] = *number;
+            }
+            if done.numbers.is_empty() {
+                numbers.clear();
+            }
+            Some(Row::of(study, run, done, &inputs, numbers))
+        };
+        let runs: Vec<Option<Row>> = (0..study.n_runs()).map(&mut row).collect();
+        let (numbers, places) = known.into_iter().unzip();
+        Rows { inputs, numbers, runs, places }
     }
 
-    /// Runs that are done.
-    pub fn done(&self) -> impl Iterator<Item = &Done> {
-        self.runs.iter().flatten()
+    /// Runs that are done, with their numbers in the study.
+    pub fn done(&self) -> impl Iterator<Item = (usize, &Row)> {
+        self.runs.iter().enumerate().filter_map(|(run, row)| Some((run, row.as_ref()?)))
+    }
+
+    /// A number of a run by its place in [`Rows::numbers`], where it has one.
+    pub fn number(&self, row: &Row, k: usize) -> Option<f64> {
+        row.numbers.get(self.places[k]).copied().filter(|v| v.is_finite())
     }
 
     /// How many are solved.
     pub fn solved(&self) -> usize {
-        self.done().filter(|done| done.status == RunStatus::Solved).count()
+        self.done().filter(|(_, row)| row.status == RunStatus::Solved).count()
     }
 
-    /// Why runs have no results, the most frequent first: status, reason in which numbers are left out, how many, and the first of them.
+    /// Why runs have no results, the most frequent first.
     pub fn failures(&self) -> Vec<Failure> {
         let mut found: Vec<Failure> = Vec::new();
-        for done in self.done().filter(|done| done.status != RunStatus::Solved) {
-            let reason = without_numbers(done.reason.as_deref().unwrap_or("no reason given"));
-            match found.iter_mut().find(|f| f.status == done.status && f.reason == reason) {
-                Some(failure) => failure.runs.push(done.run),
-                None => found.push(Failure { status: done.status, reason, runs: vec![done.run] }),
+        for (run, row) in self.done().filter(|(_, row)| row.status != RunStatus::Solved) {
+            let reason = without_numbers(row.reason.as_deref().unwrap_or("no reason given"));
+            match found.iter_mut().find(|f| f.status == row.status && f.reason == reason) {
+                Some(failure) => failure.runs.push(run),
+                None => found.push(Failure { status: row.status, reason, runs: vec![run] }),
             }
         }
         found.sort_by_key(|f| std::cmp::Reverse(f.runs.len()));
         found
+    }
+}
+
+impl Row {
+    fn of(study: &Study, run: usize, done: Done, inputs: &[String], numbers: Vec<f64>) -> Row {
+        let task = study.task(run);
+        let cell = |name: &String| match &done.values[name] {
+            serde_json::Value::String(word) => Cell::Word(word.clone()),
+            value => Cell::Number(value.as_f64().unwrap_or(f64::NAN)),
+        };
+        Row {
+            subject: task.subject,
+            setting: task.setting,
+            sample: task.sample,
+            status: done.status,
+            reason: done.reason,
+            seconds: done.seconds,
+            values: inputs.iter().map(cell).collect(),
+            numbers,
+        }
     }
 }
 

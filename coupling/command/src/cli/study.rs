@@ -150,8 +150,8 @@ pub fn collect(
     let folder = out.path().to_path_buf();
     let rows = Rows::read(study, key, &folder);
     let report = StudyReport::new(study, &rows, &folder);
-    out.write("table.csv", |w| write_csv(w, &rows))?;
-    out.write("table.parquet", |w| write_parquet(w, &rows))?;
+    out.write("table.csv", |w| write_csv(w, study, &rows))?;
+    out.write("table.parquet", |w| write_parquet(w, study, &rows))?;
     out.write("seconds.csv", |w| write_seconds(w, &rows))?;
     let page = study_page(&report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;

@@ -4,8 +4,8 @@
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use coupling::study::rows::Rows;
-use coupling::study::run::Done;
+use coupling::study::Study;
+use coupling::study::rows::{Cell, Row, Rows};
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::file::properties::WriterProperties;
@@ -21,66 +21,41 @@ const WHICH: [&str; 6] = ["run", "subject", "setting", "sample", "status", "reas
 const MISSING: &str = "missing";
 
 /// `table.csv`. What varies is written with its value in the run; numbers of runs without results are empty.
-pub fn write_csv(w: &mut dyn Write, rows: &Rows) -> io::Result<()> {
+pub fn write_csv(w: &mut dyn Write, study: &Study, rows: &Rows) -> io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
-    csv.write_record(
-        WHICH
-            .into_iter()
-            .chain(rows.inputs.iter().map(String::as_str))
-            .chain(rows.numbers.iter().map(String::as_str)),
-    )?;
-    for (run, done) in rows.runs.iter().enumerate() {
-        let which = match done {
-            Some(d) => [
-                run.to_string(),
-                d.subject.clone(),
-                d.setting.clone(),
-                d.sample.to_string(),
-                d.status.name().to_string(),
-                d.reason.clone().unwrap_or_default(),
-            ],
-            None => [run.to_string(), "".into(), "".into(), "".into(), MISSING.into(), "".into()],
-        };
-        let inputs = rows
-            .inputs
-            .iter()
-            .map(|name| input(done.as_ref(), name).map_or(String::new(), |v| v.to_string()));
-        let numbers = rows.numbers.iter().map(|name| number(done.as_ref(), name).map_or(String::new(), cell));
+    let names = rows.inputs.iter().chain(&rows.numbers).map(String::as_str);
+    csv.write_record(WHICH.into_iter().chain(names))?;
+    for (run, row) in rows.runs.iter().enumerate() {
+        let of = |f: &dyn Fn(&Row) -> String| row.as_ref().map_or(String::new(), f);
+        let which = [
+            run.to_string(),
+            of(&|r| study.subjects[r.subject].name.clone()),
+            of(&|r| study.settings[r.setting].name.clone()),
+            of(&|r| r.sample.to_string()),
+            status(row.as_ref()).to_string(),
+            of(&|r| r.reason.clone().unwrap_or_default()),
+        ];
+        let inputs = (0..rows.inputs.len()).map(|k| {
+            of(&|r| match &r.values[k] {
+                Cell::Number(number) => cell(*number),
+                Cell::Word(word) => word.clone(),
+            })
+        });
+        let number = |k: usize| row.as_ref().and_then(|r| rows.number(r, k));
+        let numbers = (0..rows.numbers.len()).map(|k| number(k).map_or(String::new(), cell));
         csv.write_record(which.into_iter().chain(inputs).chain(numbers))?;
     }
     csv.flush()
 }
 
-/// A value of what varies: a number as JSON writes it, or a word.
-enum Input<'a> {
-    Number(f64),
-    Word(&'a str),
-}
-
-impl std::fmt::Display for Input<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Input::Number(number) => f.write_str(&cell(*number)),
-            Input::Word(word) => f.write_str(word),
-        }
-    }
-}
-
-fn input<'a>(done: Option<&'a Done>, name: &str) -> Option<Input<'a>> {
-    match done?.values.get(name)? {
-        serde_json::Value::String(word) => Some(Input::Word(word)),
-        value => value.as_f64().map(Input::Number),
-    }
-}
-
-fn number(done: Option<&Done>, name: &str) -> Option<f64> {
-    done?.numbers.get(name).copied()
+fn status(row: Option<&Row>) -> &'static str {
+    row.map_or(MISSING, |row| row.status.name())
 }
 
 /// `seconds.csv`: what every run took.
 pub fn write_seconds(w: &mut dyn Write, rows: &Rows) -> io::Result<()> {
     writeln!(w, "run,seconds")?;
-    rows.done().try_for_each(|done| writeln!(w, "{},{}", done.run, cell(done.seconds)))
+    rows.done().try_for_each(|(run, row)| writeln!(w, "{run},{}", cell(row.seconds)))
 }
 
 /// A column of the Parquet table.
@@ -91,8 +66,8 @@ enum Column {
 }
 
 /// `table.parquet`: the same table, one row group; cells that are empty in the CSV are null.
-pub fn write_parquet(w: &mut dyn Write, rows: &Rows) -> io::Result<()> {
-    let columns = columns(rows);
+pub fn write_parquet(w: &mut dyn Write, study: &Study, rows: &Rows) -> io::Result<()> {
+    let columns = columns(study, rows);
     let schema = schema(&columns).map_err(io::Error::other)?;
     let mut bytes = Vec::new();
     let properties = Arc::new(WriterProperties::builder().build());
@@ -105,42 +80,40 @@ pub fn write_parquet(w: &mut dyn Write, rows: &Rows) -> io::Result<()> {
     w.write_all(&bytes)
 }
 
-fn columns(rows: &Rows) -> Vec<(String, Column)> {
-    let word = |of: &dyn Fn(&Done) -> Option<String>| {
-        Column::Word(
-            rows.runs.iter().map(|d| d.as_ref().and_then(of).map(|w| ByteArray::from(w.as_str()))).collect(),
-        )
+fn columns<'a>(study: &'a Study, rows: &'a Rows) -> Vec<(String, Column)> {
+    let runs = || rows.runs.iter().map(Option::as_ref);
+    let word = |of: &dyn Fn(&'a Row) -> Option<&'a str>| {
+        Column::Word(runs().map(|r| r.and_then(of).map(ByteArray::from)).collect())
     };
-    let status = |d: &Option<Done>| d.as_ref().map_or(MISSING, |d| d.status.name());
     let mut columns = vec![
         ("run".to_string(), Column::Count((0..rows.runs.len()).map(|run| Some(run as i64)).collect())),
-        ("subject".into(), word(&|d| Some(d.subject.clone()))),
-        ("setting".into(), word(&|d| Some(d.setting.clone()))),
-        ("sample".into(), Column::Count(rows.runs.iter().map(|d| Some(d.as_ref()?.sample as i64)).collect())),
-        ("status".into(), Column::Word(rows.runs.iter().map(|d| Some(ByteArray::from(status(d)))).collect())),
-        ("reason".into(), word(&|d| d.reason.clone())),
+        ("subject".into(), word(&|r| Some(&study.subjects[r.subject].name))),
+        ("setting".into(), word(&|r| Some(&study.settings[r.setting].name))),
+        ("sample".into(), Column::Count(runs().map(|r| Some(r?.sample as i64)).collect())),
+        ("status".into(), Column::Word(runs().map(|r| Some(ByteArray::from(status(r)))).collect())),
+        ("reason".into(), word(&|r| r.reason.as_deref())),
     ];
-    for name in &rows.inputs {
-        let values: Vec<Option<Input>> = rows.runs.iter().map(|d| input(d.as_ref(), name)).collect();
-        let is_word = values.iter().flatten().any(|v| matches!(v, Input::Word(_)));
+    for (k, name) in rows.inputs.iter().enumerate() {
+        let is_word = runs().flatten().any(|r| matches!(r.values[k], Cell::Word(_)));
         let column = match is_word {
             true => Column::Word(
-                values.iter().map(|v| v.as_ref().map(|v| ByteArray::from(v.to_string().as_str()))).collect(),
+                runs()
+                    .map(|r| {
+                        Some(match &r?.values[k] {
+                            Cell::Word(word) => ByteArray::from(word.as_str()),
+                            Cell::Number(number) => ByteArray::from(cell(*number).as_str()),
+                        })
+                    })
+                    .collect(),
             ),
             false => Column::Number(
-                values
-                    .iter()
-                    .map(|v| v.as_ref().and_then(|v| if let Input::Number(n) = v { Some(*n) } else { None }))
-                    .collect(),
+                runs().map(|r| if let Cell::Number(n) = r?.values[k] { Some(n) } else { None }).collect(),
             ),
         };
         columns.push((name.clone(), column));
     }
-    for name in &rows.numbers {
-        columns.push((
-            name.clone(),
-            Column::Number(rows.runs.iter().map(|d| number(d.as_ref(), name)).collect()),
-        ));
+    for (k, name) in rows.numbers.iter().enumerate() {
+        columns.push((name.clone(), Column::Number(runs().map(|r| rows.number(r?, k)).collect())));
     }
     columns
 }

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use coupling::number::{fixed, significant};
 use coupling::study::Study;
-use coupling::study::rows::Rows;
-use coupling::study::run::{Curves, Done, RunStatus};
+use coupling::study::rows::{Cell, Row, Rows};
+use coupling::study::run::{Curves, RunStatus};
 use coupling::study::statistics::{BAND, chance, mean_and_sd, percentiles, rank_correlation, resampled};
 
 use super::page::{document, grid, section, table};
@@ -50,28 +50,42 @@ impl<'a> StudyReport<'a> {
         StudyReport { study, rows, out }
     }
 
-    /// Solved runs of a subject and a setting; of all subjects where none is given.
-    fn solved(&self, subject: Option<usize>, setting: usize) -> Vec<&'a Done> {
-        let subject = subject.map(|s| &self.study.subjects[s].name);
-        let setting = &self.study.settings[setting].name;
-        let wanted = |d: &&Done| {
-            d.status == RunStatus::Solved && d.setting == *setting && subject.is_none_or(|s| d.subject == *s)
+    /// Solved runs of a subject and a setting, with their numbers in the study; of all subjects where none is given.
+    fn solved(&self, subject: Option<usize>, setting: usize) -> Vec<(usize, &'a Row)> {
+        let wanted = |(_, row): &(usize, &Row)| {
+            row.status == RunStatus::Solved
+                && row.setting == setting
+                && subject.is_none_or(|s| row.subject == s)
         };
         self.rows.done().filter(wanted).collect()
     }
 
-    /// Places of the numbers that the page tells of: those of the joints first, then the largest.
+    /// A number of these runs.
+    fn values(&self, runs: &[(usize, &Row)], number: usize) -> Vec<f64> {
+        runs.iter().filter_map(|(_, row)| self.rows.number(row, number)).collect()
+    }
+
+    /// Value of an input and of a number in every run that has both.
+    fn pairs(&self, runs: &[(usize, &Row)], input: usize, number: usize) -> Vec<[f64; 2]> {
+        let pair = |(_, row): &(usize, &Row)| match row.values[input] {
+            Cell::Number(value) => Some([value, self.rows.number(row, number)?]),
+            Cell::Word(_) => None,
+        };
+        runs.iter().filter_map(pair).collect()
+    }
+
+    /// Places of the numbers that the page tells of: the knee first, then the largest.
     fn numbers(&self) -> Vec<usize> {
-        let solved: Vec<&Done> = self.rows.done().filter(|d| d.status == RunStatus::Solved).collect();
-        let mean = |name: &String| {
-            let values: Vec<f64> = solved.iter().filter_map(|d| d.numbers.get(name)).copied().collect();
+        let all: Vec<(usize, &Row)> = self.rows.done().collect();
+        let mean = |k: usize| {
+            let values = self.values(&all, k);
             values.iter().sum::<f64>().abs() / values.len().max(1) as f64
         };
         let names = &self.rows.numbers;
         let mut order: Vec<(bool, f64, usize)> =
-            names.iter().enumerate().map(|(i, name)| (name == "peak_knee_N", mean(name), i)).collect();
+            names.iter().enumerate().map(|(k, name)| (name == "peak_knee_N", mean(k), k)).collect();
         order.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)));
-        order.into_iter().take(NUMBERS).map(|(_, _, i)| i).collect()
+        order.into_iter().take(NUMBERS).map(|(_, _, k)| k).collect()
     }
 
     /// Which inputs a number follows more closely than chance in one of twenty studies of as many inputs; the closest first.
@@ -81,8 +95,8 @@ impl<'a> StudyReport<'a> {
             let solved = self.solved(None, setting);
             let threshold = chance(solved.len(), 20.0 * self.rows.inputs.len().max(1) as f64);
             for &number in numbers {
-                for (input, name) in self.rows.inputs.iter().enumerate() {
-                    let pairs: Vec<[f64; 2]> = pairs(&solved, name, &self.rows.numbers[number]);
+                for input in 0..self.rows.inputs.len() {
+                    let pairs = self.pairs(&solved, input, number);
                     let [a, b] = [0, 1].map(|k| pairs.iter().map(|p| p[k]).collect::<Vec<f64>>());
                     let Some(rho) = rank_correlation(&a, &b).filter(|rho| rho.abs() > threshold) else {
                         continue;
@@ -94,12 +108,6 @@ impl<'a> StudyReport<'a> {
         found.sort_by(|a, b| b.rho.abs().total_cmp(&a.rho.abs()));
         found
     }
-}
-
-/// Value of an input and of a number in every run that has both.
-fn pairs(solved: &[&Done], input: &str, number: &str) -> Vec<[f64; 2]> {
-    let pair = |d: &&Done| Some([d.values.get(input)?.as_f64()?, *d.numbers.get(number)?]);
-    solved.iter().filter_map(pair).collect()
 }
 
 /// The whole page.
@@ -139,11 +147,11 @@ pub fn study_page(report: &StudyReport) -> String {
 fn runs(report: &StudyReport) -> String {
     let StudyReport { study, rows, .. } = report;
     let mut lines = Vec::new();
-    for subject in &study.subjects {
-        for setting in &study.settings {
+    for (i, subject) in study.subjects.iter().enumerate() {
+        for (j, setting) in study.settings.iter().enumerate() {
             let of = |status: Option<RunStatus>| {
-                let own = |d: &&Done| d.subject == subject.name && d.setting == setting.name;
-                rows.done().filter(own).filter(|d| status.is_none_or(|s| d.status == s)).count()
+                let own = rows.done().filter(|(_, row)| row.subject == i && row.setting == j);
+                own.filter(|(_, row)| status.is_none_or(|s| row.status == s)).count()
             };
             let statuses = [RunStatus::NotConverged, RunStatus::Refused, RunStatus::Killed];
             let mut cells = vec![subject.name.clone(), setting.name.clone(), study.samples.to_string()];
@@ -180,8 +188,7 @@ fn spread(report: &StudyReport, numbers: &[usize]) -> String {
         let name = &report.rows.numbers[number];
         for (k, subject) in report.study.subjects.iter().enumerate() {
             for (setting, named) in report.study.settings.iter().enumerate() {
-                let solved = report.solved(Some(k), setting);
-                let values: Vec<f64> = solved.iter().filter_map(|d| d.numbers.get(name)).copied().collect();
+                let values = report.values(&report.solved(Some(k), setting), number);
                 let Some([low, median, high]) = percentiles(&values, [0.05, 0.5, 0.95]) else { continue };
                 let [mean, sd] = mean_and_sd(&values).map_or([f64::NAN; 2], |m| m);
                 let shown = |v: f64| if v.is_finite() { significant(v, 4) } else { "–".into() };
@@ -208,7 +215,7 @@ fn band_figures(report: &StudyReport) -> String {
             .map(|setting| {
                 let solved = report.solved(Some(s), setting);
                 let every = solved.len().div_ceil(CURVES).max(1);
-                solved.iter().step_by(every).filter_map(|d| Curves::read(report.out, d.run)).collect()
+                solved.iter().step_by(every).filter_map(|(run, _)| Curves::read(report.out, *run)).collect()
             })
             .collect();
         let Some(first) = curves.iter().flatten().next() else { continue };
@@ -281,7 +288,7 @@ fn scatters(report: &StudyReport, followed: &[Follows]) -> String {
         seen.push(f.number);
         let (input, number) = (&report.rows.inputs[f.input], &report.rows.numbers[f.number]);
         let of_setting = |(k, setting): (usize, &'_ coupling::study::file::Setting)| {
-            let mut at = pairs(&report.solved(None, k), input, number);
+            let mut at = report.pairs(&report.solved(None, k), f.input, f.number);
             let every = at.len().div_ceil(DOTS).max(1);
             at = at.into_iter().step_by(every).collect();
             (setting.name.clone(), at)
