@@ -20,6 +20,9 @@ use crate::errors::{bad, of_core, of_input};
 use crate::patience::wait;
 use crate::tables::rows;
 
+/// Name and kind of a block of cells, and the nodes of each.
+type Cells<'py> = (String, String, Bound<'py, PyArray2<u32>>);
+
 /// What `sartorius.Session` documents.
 #[pyclass(frozen, module = "sartorius._core")]
 pub(crate) struct Thigh {
@@ -198,7 +201,7 @@ impl Thigh {
     }
 
     /// Per block of cells its name, kind and nodes.
-    fn cells<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, String, Bound<'py, PyArray2<u32>>)>> {
+    fn cells<'py>(&self, py: Python<'py>) -> PyResult<Vec<Cells<'py>>> {
         let cells = |block: &fem::mesh::CellBlock| {
             let nodes = PyArray1::from_slice(py, &block.nodes);
             let per_cell = block.nodes.len() / block.n_cells().max(1);

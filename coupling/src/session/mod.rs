@@ -26,7 +26,7 @@ fn examined(what: &str, values: &[f64], n: usize, range: [f64; 2]) -> Result<(),
         return bad(format!("{what}: {} numbers, must be {n}", values.len()));
     }
     let [least, most] = range;
-    let wrong = |(_, v): &(usize, &f64)| !(**v >= least && **v <= most) || !v.is_finite();
+    let wrong = |(_, v): &(usize, &f64)| !(**v >= least && **v <= most && v.is_finite());
     let all: Vec<String> =
         values.iter().enumerate().filter(wrong).map(|(i, v)| format!("number {} is {v}", i + 1)).collect();
     let must = match (least.is_finite(), most.is_finite()) {

@@ -39,7 +39,7 @@ pub const KEYS: &[Key] = &[
 
     key("setting", Sections, Optional("one, as in the files"), "", "Runs of every sample, told apart by keys", ""),
     key("setting.name", Text, Required, "", "Name in the table", "\"activation\""),
-    key("setting.keys", Settings, Optional("none"), "", "Keys `trial.…`, `scene.…` and `optimize.…` with their values", "{ \"optimize.cost\" = \"activation\" }"),
+    key("setting.keys", Settings, Optional("as in the files"), "", "Keys `trial.…`, `scene.…` and `optimize.…` with their values", "{ \"optimize.cost\" = \"activation\" }"),
 
     key("vary", Sections, Optional("nothing varies"), "", "What differs from sample to sample", ""),
     key("vary.key", Text, Required, "", "`trial.KEY`, `scene.KEY`, `optimize.KEY`, `landmarks` or one of them (added, mm), `strengths` or one muscle line (factor)", "\"landmarks\""),
@@ -584,7 +584,9 @@ fn settable(keys: &'static [Key]) -> impl Iterator<Item = &'static Key> {
 
 /// What a key means; an error names what may be meant.
 pub(super) fn known_key(key: &str) -> Result<Target, String> {
-    let spaces: [(&str, &'static [Key], fn(String) -> Target); 3] = [
+    /// Begin of a key, what may follow it, and what it sets.
+    type Space = (&'static str, &'static [Key], fn(String) -> Target);
+    let spaces: [Space; 3] = [
         ("trial", trial_file::KEYS, Target::Trial),
         ("scene", SCENE_KEYS, Target::Scene),
         ("optimize", OPTIONS, Target::Option),

@@ -6,6 +6,7 @@ import os
 import re
 import time
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Callable, Iterator, Optional
 
@@ -17,8 +18,12 @@ Name = str | os.PathLike[str]
 
 #: `120 of 1500 runs   12.3 s` on standard error.
 _DONE = re.compile(r"^\s*(\d+) of (\d+) runs\s+[\d.]+ s$")
-#: Runs that wait on Dask for each thread: enough that none is idle, few enough for a scheduler of a study of any size.
-_WAITING = 20
+#: Tasks that wait on Dask for each thread: enough that none is idle, few enough for a scheduler of a study of any size.
+_WAITING = 4
+#: What a task of several runs is to take [s]: a hundred times what Dask spends on it.
+_TASK_SECONDS = 0.3
+#: Runs of a task at most.
+_MOST_RUNS = 50
 
 
 @dataclass(frozen=True)
@@ -180,47 +185,54 @@ class _connected:
 def _carried_out(
     client: Any, given: tuple[str, Optional[str], str], key: str, missing: list[int], folder: Path, whole: Any
 ) -> Iterator[int]:
-    """Runs as they are done, a bounded number of them on Dask at a time."""
+    """Runs as they are done. A bounded number of tasks is on Dask at a time; runs that are short go together, each with its own folder all
+    the same."""
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
     waiting = iter(missing)
-    runs: dict[str, int] = {}
+    tasks: dict[str, list[int]] = {}
     repeated: set[int] = set()
+    together = 1
 
-    def submit(run: int) -> Any:
-        future = client.submit(_carry_out, given, key, run, os.fspath(folder), pure=False)
-        runs[future.key] = run
+    def submit(runs: list[int]) -> Any:
+        future = client.submit(_carry_out, given, key, runs, os.fspath(folder), pure=False)
+        tasks[future.key] = runs
         return future
 
     threads = max(1, sum(client.nthreads().values()))
-    first = [submit(run) for _, run in zip(range(max(_WAITING, _WAITING * threads)), waiting)]
-    pending = as_completed(first)
+    pending = as_completed([submit([run]) for run in islice(waiting, _WAITING * threads)])
     for future in pending:
-        run = runs.pop(future.key)
+        runs = tasks.pop(future.key)
         try:
-            future.result()
+            seconds = future.result()
         except KilledWorker as killed:
-            # It may have waited beside the one that ended them: it is tried once more.
-            if run not in repeated:
-                repeated.add(run)
-                pending.add(submit(run))
-                continue
-            whole.note_killed(key, run, folder, f"its workers ended again and again: {killed}")
-        yield run
-        for following in waiting:
+            # A run may have waited beside the one that ended them: each is tried once more, alone.
+            for run in runs:
+                if run in repeated:
+                    whole.note_killed(key, run, folder, f"its workers ended again and again: {killed}")
+                    yield run
+                else:
+                    repeated.add(run)
+                    pending.add(submit([run]))
+            continue
+        yield from runs
+        # No more together than leaves each thread its share of what is left.
+        together = max(1, min(_MOST_RUNS, int(_TASK_SECONDS * len(runs) / max(seconds, 1e-3)), len(missing) // (8 * threads)))
+        following = list(islice(waiting, together))
+        if following:
             pending.add(submit(following))
-            break
 
 
 #: Studies that this worker knows.
 _known: dict[tuple[str, Optional[str], str], Any] = {}
 
 
-def _carry_out(given: tuple[str, Optional[str], str], key: str, run: int, folder: str) -> tuple[str, float]:
-    """One run, on a worker; returns how it ended and how long it took [s]."""
+def _carry_out(given: tuple[str, Optional[str], str], key: str, runs: list[int], folder: str) -> float:
+    """These runs, on a worker; returns how long they took [s]. A run that was done before writes the same again."""
     if given not in _known:
         # A worker is one of many: it has one thread.
         _core.set_threads(1)
         _known[given] = _core.Study(*given)
-    return _known[given].carry_out(key, run, folder)
+    study = _known[given]
+    return sum(study.carry_out(key, run, folder)[1] for run in runs)
