@@ -492,6 +492,8 @@ fn one_pass_of_two_way_coupling_is_the_one_way_result() {
     let mut stopped = run("stopped", &["--two-way", "--passes", "1"]);
     let passes = text(&stopped.remove("passes.csv").unwrap());
     assert_eq!(passes.lines().count(), 2, "{passes}");
+    // What muscles can do is asked for by the pass after; one has none.
+    assert_eq!(text(&stopped.remove("capacities.csv").unwrap()).lines().count(), 1);
     // What single muscles keep missing adds up to what is missing.
     let missing = text(&stopped.remove("missing_moments.csv").unwrap());
     let number = |cell: &str| cell.parse::<f64>().unwrap();
@@ -517,6 +519,9 @@ fn one_pass_of_two_way_coupling_is_the_one_way_result() {
     let two = text(&coupled["passes.csv"]);
     assert_eq!(two.lines().count(), 3, "{two}");
     assert_eq!(passes_of(&two), passes_of(&passes));
+    // A row per step and muscle.
+    let capacities = text(&coupled["capacities.csv"]);
+    assert_eq!(capacities.lines().count(), 1 + 2 * 2, "{capacities}");
     // The last pass is the result, in every table, and the one-way result stands beside it. It has not settled, and that is said.
     let rows = |csv: &str| -> Vec<Vec<String>> {
         csv.lines().skip(1).map(|l| l.split(',').map(String::from).collect()).collect()

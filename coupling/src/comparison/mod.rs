@@ -22,7 +22,7 @@ use crate::comparison::compare::{CompareError, Solution, StepForces, beside, dri
 use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::fibres::cache::{Cache, content_hash};
-use crate::fibres::muscle_unit::Fit;
+use crate::fibres::muscle_unit::{Fit, MOST_ACTIVE};
 use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
@@ -77,6 +77,8 @@ pub struct Prepared {
     pub thigh: Thigh,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
+    /// Per step the isometric activation of every muscle, as the controller of the scene says.
+    controlled: Option<Vec<Vec<f64>>>,
 }
 
 /// A scene that can be solved: nothing is wrong with it.
@@ -183,6 +185,11 @@ impl Sized {
         &self.inputs
     }
 
+    /// The trial as it was read.
+    pub fn case(&self) -> &crate::optimize::Case {
+        &self.done.case
+    }
+
     /// What the trial file says that rarely is so, or is left out of account.
     pub fn doubts(&self) -> &[String] {
         &self.done.case.doubts
@@ -228,7 +235,31 @@ impl Prepared {
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
-        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs })
+        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs, controlled: None })
+    }
+
+    /// Takes over what the [controller](Scene::controller) of the scene says: per step the isometric activation of every muscle of the thigh.
+    pub fn control(&mut self, activations: Vec<Vec<f64>>) -> Result<(), CouplingError> {
+        let mut wrong = Vec::new();
+        for (step, of_step) in self.steps.iter_mut().zip(&activations) {
+            for (muscle, a) in self.thigh.muscles.iter().zip(of_step) {
+                if !(0.0..=MOST_ACTIVE).contains(a) {
+                    wrong.push(format!("{} at {} is {a}", muscle.name, step.name.name()));
+                }
+                let lines =
+                    step.muscles.iter_mut().filter(|m| m.name == muscle.name).flat_map(|m| &mut m.lines);
+                lines.for_each(|line| line.activation = *a);
+            }
+        }
+        if !wrong.is_empty() {
+            let words = format!(
+                "activations of the controller: {}; must be from 0 to {MOST_ACTIVE}",
+                wrong.join(", ")
+            );
+            return Err(CouplingError::Option(words));
+        }
+        self.controlled = Some(activations);
+        Ok(())
     }
 
     /// Elements of the muscles.
@@ -286,6 +317,14 @@ impl Prepared {
             &SETTINGS,
             Some(&Cache::beside(folder)),
         )?;
+        let controls = match (&self.scene.controller, &self.controlled) {
+            (None, _) => controls,
+            (Some(_), Some(activations)) => activations.clone(),
+            (Some(unit), None) => {
+                let words = format!("the controller {} has not said how hard muscles pull", unit.display());
+                return Err(CouplingError::Option(words));
+            }
+        };
         (ready.thigh, ready.calibration, ready.controls) = (thigh, calibration, controls);
         if self.scene.fibres != Fibres::None {
             lap(STAGES[2]);

@@ -22,6 +22,7 @@ const fn of(constant: usize) -> multibody::keys::Kind {
 #[rustfmt::skip]
 pub const KEYS: &[Key] = &[
     key("trial", File, Default("\"walker\""), "", "The built-in walker, a trial file beside this one or in --data, or the name of a shipped trial", "\"DM_ngait_og3\""),
+    key("controller", File, Optional("the static optimization"), "", "Co-simulation unit (FMI 2 or 3) whose scalar outputs, named as the muscles, are their isometric activations; Hill fibres; beside this file or in --data", "\"controller.fmu\""),
     key("muscles", Either(&[Word(&["all", "none"]), Texts]), Default("\"all\""), "", "Muscles of the thigh that are simulated; none: the rigid leg alone", "[\"gluteus_maximus\", \"sartorius\"]"),
     key("resolution_mm", Number(*RESOLUTIONS.start(), *RESOLUTIONS.end()), Default("12.0"), "mm", "Length of the edges of the mesh that is aimed at", "8.0"),
     key("inset_mm", Number(*INSETS.start(), *INSETS.end()), Default("0.0"), "mm", "Surfaces of the muscles are inset by up to this, so that gaps between them grow by up to twice as much", "2.0"),

@@ -117,6 +117,8 @@ pub struct Scene {
     pub folder: Option<PathBuf>,
     /// Trial file; `None` is the built-in walker.
     pub trial: Option<PathBuf>,
+    /// Co-simulation unit that says the activations of the thigh; `None`: the static optimization does.
+    pub controller: Option<PathBuf>,
     /// Whether there is a thigh beside the rigid leg.
     pub deformable: bool,
     /// Which muscles; empty: all.
@@ -157,6 +159,7 @@ pub struct Scene {
 #[serde(deny_unknown_fields)]
 struct SceneFile {
     trial: Option<Spanned<PathBuf>>,
+    controller: Option<Spanned<PathBuf>>,
     muscles: Option<Spanned<Muscles>>,
     resolution_mm: Option<f64>,
     inset_mm: Option<f64>,
@@ -248,6 +251,8 @@ impl SceneFile {
         let folders = [Some(folder), data];
         let trial = self.trial.as_ref().filter(|name| name.get_ref() != Path::new("walker"));
         let trial = trial.map(|name| wrong.keep(at.existing("trial", name, &folders, Some(Kind::Trial))));
+        let controller = self.controller.as_ref();
+        let controller = controller.map(|unit| wrong.keep(at.existing("controller", unit, &folders, None)));
         let surfaces = self.surfaces.as_ref();
         let surfaces = surfaces.map(|s| wrong.keep(at.existing("surfaces", s, &folders, None)));
         let muscles = self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
@@ -266,6 +271,13 @@ impl SceneFile {
             wrong.note(at.bad(at.line(byte), key, value, remedy));
         });
         let natural = if at_heel_strike { Fibres::Thermal } else { Fibres::Hill };
+        let fibres = self.effects.fibres.unwrap_or(natural);
+        if let Some(unit) = self.controller.as_ref().filter(|_| fibres != Fibres::Hill) {
+            let remedy =
+                "only Hill fibres have activations: set effects.fibres = \"hill\", or take controller out";
+            let line = at.line(unit.span().start);
+            wrong.note(at.bad(line, "controller", format!("`{}`", unit.get_ref().display()), remedy));
+        }
         let PerConfiguration { without, with } = NATURAL_RESIDUALS;
         let accuracy = &self.accuracy;
         let (deformable, muscles) = muscles?;
@@ -274,6 +286,7 @@ impl SceneFile {
             text: at.text.to_string(),
             folder: Some(folder.to_path_buf()),
             trial: trial.flatten(),
+            controller: controller.flatten(),
             deformable,
             muscles,
             surfaces: surfaces.flatten(),
@@ -286,7 +299,7 @@ impl SceneFile {
             strict_steps: accuracy.strict_steps,
             check_stability: accuracy.check_stability.unwrap_or(false),
             stress_free,
-            fibres: self.effects.fibres.unwrap_or(natural),
+            fibres,
             fibre_spacing: self.effects.fibre_spacing.unwrap_or(1),
             shells,
             contact_distance: self.effects.contact_distance_mm.unwrap_or(0.3) * 1e-3,
@@ -367,7 +380,7 @@ impl Source<'_> {
                 Err(self.bad(line, key, format!("`{}`", path.display()), remedy))
             }
             (None, None) => {
-                let remedy = "no such folder beside the scene or in the data folder; give --data DIR";
+                let remedy = "nothing of that name beside the scene or in the data folder; give --data DIR";
                 Err(self.bad(line, key, format!("`{}`", path.display()), remedy))
             }
         }

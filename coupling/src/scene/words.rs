@@ -52,15 +52,20 @@ impl Scene {
                 }
             })
             .collect();
+        let activations = self.controller.as_ref().map_or_else(String::new, |unit| {
+            format!("of the unit {}", unit.file_name().unwrap_or_default().to_string_lossy())
+        });
         let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
         let of_thigh = |(label, _): &(&str, String)| match *label {
             "Trial" | "Thigh" | "Steps" => true,
             "Inset of the muscles" => self.deformable && self.inset > 0.0,
+            "Activations" => self.deformable && self.controller.is_some(),
             _ => self.deformable,
         };
         [
             ("Trial", trial.map_or("built-in walker".into(), |t| t.to_string_lossy().into_owned())),
             ("Thigh", thigh),
+            ("Activations", activations),
             ("Resolution", format!("{} mm", short(self.resolution * 1e3))),
             (
                 "Inset of the muscles",
@@ -123,6 +128,12 @@ impl Scene {
             Fibres::Hill => simulated.push("Fibres along the muscles with the active and passive force-length relation of the Hill model.".into()),
             Fibres::Thermal => simulated.push("Thermal fibres along the muscles: calibrated on each muscle alone, contraction from the wanted force.".into()),
             Fibres::None => leave("fibres and activation", "the scene has `fibres = \"none\"`: passive tissue"),
+        }
+        if let Some(unit) = &self.controller {
+            let unit = unit.file_name().unwrap_or_default().to_string_lossy();
+            simulated.push(format!(
+                "Activations as the unit {unit} says them, in place of the static optimization's."
+            ));
         }
         match self.shells {
             true => simulated.push("Shells around the muscles (aponeuroses).".into()),

@@ -6,7 +6,8 @@
 //! every bone. Bones come in the order of [`BODIES`](crate::thigh::registration::BODIES), muscles in that of the mesh.
 //!
 //! What a session computes hangs on its state and its inputs alone, to the last bit: a state that was saved and restored goes on as if
-//! nothing had been in between. [`ThighSide`] and [`RigidSide`] hold what never changes, for any number of sessions.
+//! nothing had been in between. [`ThighSide`] and [`RigidSide`] hold what never changes, for any number of sessions in any threads;
+//! those of one thigh compute one after the other.
 
 mod pose;
 mod rigid;

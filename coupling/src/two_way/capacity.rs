@@ -1,6 +1,6 @@
 //! What the muscles of the deformable thigh can do at a step, in the terms of force sharing: bounds of their tensions and lever arms.
 //!
-//! The tissue of a muscle pulls at the bones that it is tied to. The virtual work of these forces per joint coordinate is the moment of
+//! The tissue of a muscle pulls at the bones that it is tied to, and in contact presses on others. The virtual work of these forces per joint coordinate is the moment of
 //! the muscle; over the force through its belly it is its lever arm, to be held against those of the lines of the rigid leg.
 //!
 //! Bones move relative to the femur: the forces of what is in equilibrium add up to nothing, so its work is the same as with the pelvis
@@ -12,15 +12,15 @@
 
 use fem::body::Wrench;
 use fem::effect::EffectKind;
-use fem::measure::{Snapshot, nodal_forces};
+use fem::measure::{PairForce, Snapshot, nodal_forces, pair_forces};
 use fem::plan::Plan;
-use mesher::part::muscle_of;
+use mesher::part::{MusclePart, body_of, muscle_of};
 use multibody::model::Model;
 use multibody::natural::{Coordinates, SegmentId};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::fibres::muscle_unit::MuscleUnit;
-use crate::thigh::build::Thigh;
+use crate::thigh::build::{Thigh, segment_of};
 use crate::thigh::registration::{BODIES, Registration};
 use crate::thigh::section::belly_force;
 
@@ -206,6 +206,7 @@ pub struct MuscleAction {
 /// Actions of all muscles of the thigh in a solved state, by what they are tied to.
 pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists) -> Vec<MuscleAction> {
     let g = nodal_forces(plan, at);
+    let presses = pair_forces(plan, at, twists.hip.into());
     let one = |(i, muscle): (usize, &crate::thigh::build::ThighMuscle)| {
         let mut moments = DVector::zeros(twists.bodies[0].1.len());
         let mut resultant = Vector3::zeros();
@@ -222,6 +223,9 @@ pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists)
             moments += twists.work(&tie.body, &wrench);
             resultant += Vector3::from(wrench.force);
         }
+        for (body, wrench) in presses.iter().filter_map(|pair| pressed_bone(&muscle.name, pair)) {
+            moments += &twists.work(body, &wrench);
+        }
         let belly = belly_force(plan, at, muscle);
         let of = |kind| belly.section.along_of(kind, belly.tangent.into());
         let force = belly.along();
@@ -235,6 +239,19 @@ pub fn actions(plan: &Plan, thigh: &Thigh, at: Snapshot, twists: &VirtualTwists)
         }
     };
     thigh.muscles.iter().enumerate().map(one).collect()
+}
+
+/// The bone on which a muscle presses in a pair in contact, as a body of the scene, and the wrench on it; `None` where it is another pair.
+/// Muscles that press on each other do nothing to bones by that.
+fn pressed_bone(muscle: &str, pair: &PairForce) -> Option<(&'static str, Wrench)> {
+    let surface = MusclePart::Surface.of(muscle);
+    let [first, second] = &pair.names;
+    if *second == surface {
+        return Some((segment_of(body_of(first))?, pair.wrench));
+    }
+    let Wrench { force, moment } = pair.wrench;
+    let on_second = Wrench { force: force.map(|c| -c), moment: moment.map(|c| -c) };
+    (*first == surface).then_some((segment_of(body_of(second))?, on_second))
 }
 
 /// Muscles of the thigh that are sewn together, by number: those that the plan, without contact, has in one island. Every muscle is in one

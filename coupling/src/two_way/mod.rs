@@ -10,8 +10,7 @@
 
 pub mod capacity;
 pub mod fixed_point;
-
-use std::io::{self, Write};
+mod tables;
 
 use fem::plan::Plan;
 use fem::run::{Advanced, Drive, DriveFrame, Frame, Session};
@@ -23,15 +22,15 @@ use multibody::sharing::{Capacity, LeverArm, SharingProblem, SharingSolver};
 use multibody::trial::Status;
 use nalgebra::{DMatrix, DVector};
 
+pub use tables::{write_capacities, write_missing, write_passes};
+
 use crate::error::CouplingError;
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
 use crate::optimize::Optimized;
 use crate::steps::{RigidMuscle, RigidStep};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
-use crate::two_way::capacity::{
-    COORDINATES, MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units, sewn,
-};
+use crate::two_way::capacity::{MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units, sewn};
 use crate::two_way::fixed_point::{FixedPoint, Scheme};
 
 /// Relative change of the capacity at which the passes end.
@@ -100,6 +99,8 @@ pub struct Coupling {
     pub passes: Vec<Pass>,
     /// The last pass, per step; empty where there is none but the first.
     pub last: Vec<Coupled>,
+    /// What the thigh shows in the last pass, per step and muscle; empty where there is none but the first.
+    pub capacities: Vec<Vec<MuscleCapacity>>,
     /// Why the last pass is no settled result; empty where it is.
     pub shortcomings: Vec<String>,
 }
@@ -143,7 +144,7 @@ impl TwoWay<'_> {
         let seen: Vec<Vec<MuscleAction>> = first.iter().enumerate().map(|(k, f)| see(f, k)).collect();
         let shared: Vec<Shared> = self.steps.iter().map(|s| self.one_way(s)).collect::<Result<_, _>>()?;
         let passes = vec![self.pass(None, &shared, &seen)?];
-        let mut coupling = Coupling { passes, last: Vec::new(), shortcomings: Vec::new() };
+        let mut coupling = Coupling { passes, ..Coupling::default() };
         if most < 2 {
             coupling.shortcomings.push("two-way coupling: one pass is the one-way result".into());
             return Ok(coupling);
@@ -184,6 +185,7 @@ impl TwoWay<'_> {
             coupling.passes.push(pass);
             at = last.iter().map(|c| c.frame.clone()).collect();
             coupling.last = last;
+            coupling.capacities = (0..self.steps.len()).map(|k| self.capacities_in(&image, k)).collect();
             coupling.shortcomings = shared.into_iter().filter_map(|s| s.infeasible).collect();
             if change < TOLERANCE {
                 return Ok(coupling);
@@ -244,6 +246,11 @@ impl TwoWay<'_> {
 
     fn capacity_in(&self, x: &DVector<f64>, step: usize, muscle: usize) -> MuscleCapacity {
         MuscleCapacity::of_scaled(&x.as_slice()[self.at(step, muscle)..][..N])
+    }
+
+    /// Those of all muscles.
+    fn capacities_in(&self, x: &DVector<f64>, step: usize) -> Vec<MuscleCapacity> {
+        (0..self.thigh.muscles.len()).map(|m| self.capacity_in(x, step, m)).collect()
     }
 
     /// The frame of a step in the one-way drive.
@@ -309,8 +316,7 @@ impl TwoWay<'_> {
     /// Force sharing at a step with a capacity.
     fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, CouplingError> {
         let model = &self.done.model;
-        let capacities: Vec<MuscleCapacity> =
-            (0..self.thigh.muscles.len()).map(|m| self.capacity_in(x, k, m)).collect();
+        let capacities = self.capacities_in(x, k);
         let lines: Vec<Vec<usize>> = (0..self.thigh.muscles.len()).map(|m| self.lines(m)).collect();
         let problem = sharing_problem(model, &self.done.loads, step.row, self.units, &lines, &capacities)
             .ok_or_else(|| no_loads(step))?;
@@ -479,51 +485,4 @@ fn advance(
         None => Ok(done),
         Some(error) => Err(CouplingError::NotConverged(format!("two-way coupling: {error}"))),
     }
-}
-
-/// `passes.csv`: a row per pass.
-pub fn write_passes(w: &mut dyn Write, steps: &[RigidStep], passes: &[Pass]) -> io::Result<()> {
-    write!(w, "pass,capacity_change,changed_most,largest_missing_Nm,mean_difference_N")?;
-    for step in steps {
-        for coordinate in COORDINATES {
-            write!(w, ",{}_{coordinate}_missing_Nm", step.name.name())?;
-        }
-    }
-    writeln!(w)?;
-    for (k, pass) in passes.iter().enumerate() {
-        let change = pass.change.map_or(String::new(), |c| format!("{c:.6}"));
-        let pairs = pass.wanted.iter().flatten().zip(pass.found.iter().flatten());
-        let n = pass.found.iter().flatten().count().max(1) as f64;
-        let mean = pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() / n;
-        let most = pass.changed_most.as_deref().unwrap_or("");
-        write!(w, "{},{change},{most},{:.5},{mean:.4}", k + 1, pass.largest_missing())?;
-        for v in pass.missing.iter().flatten() {
-            write!(w, ",{v:.5}")?;
-        }
-        writeln!(w)?;
-    }
-    Ok(())
-}
-
-/// `missing_moments.csv`: a row per pass, step and muscle, which muscles keep moments missing.
-pub fn write_missing(
-    w: &mut dyn Write,
-    thigh: &Thigh,
-    steps: &[RigidStep],
-    passes: &[Pass],
-) -> io::Result<()> {
-    write!(w, "pass,step,muscle,wanted_N,found_N")?;
-    COORDINATES.iter().try_for_each(|coordinate| write!(w, ",{coordinate}_missing_Nm"))?;
-    writeln!(w)?;
-    for (p, pass) in passes.iter().enumerate() {
-        for (k, step) in steps.iter().enumerate() {
-            for (m, muscle) in thigh.muscles.iter().enumerate() {
-                let (wanted, found) = (pass.wanted[k][m], pass.found[k][m]);
-                write!(w, "{},{},{},{wanted:.3},{found:.3}", p + 1, step.name.name(), muscle.name)?;
-                pass.lacking[k][m].iter().try_for_each(|v| write!(w, ",{v:.5}"))?;
-                writeln!(w)?;
-            }
-        }
-    }
-    Ok(())
 }

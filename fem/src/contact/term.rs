@@ -50,10 +50,6 @@ impl IslandTerm for ContactTerm {
         g.iter().map(|v| v * v).sum::<f64>().sqrt()
     }
 
-    fn energy_jumps(&self) -> bool {
-        self.softness > 0.0
-    }
-
     fn keeps_apart(&self) -> bool {
         true
     }

@@ -11,10 +11,6 @@ use std::collections::BTreeMap;
 const FEW: usize = 10;
 /// Rounds of parting the surfaces.
 const MAX_ROUNDS: usize = 60;
-/// Rounds without gain after which no more is expected.
-const PATIENCE: usize = 10;
-/// Fraction of what is too close that a round must take away to be a gain.
-const GAIN: f64 = 0.01;
 /// Fraction of the shortest edge at a node that it moves in one round: farther, a small face would turn over, and with it inside and outside.
 const STRIDE: f64 = 0.3;
 /// Least weight of a node in a motion for which it is moved.
@@ -47,7 +43,7 @@ impl Contact {
     ) -> Result<Vec<f64>, Vec<(u32, usize)>> {
         let mut now = x.to_vec();
         let mut strides: Option<Vec<f64>> = None;
-        let (mut best, mut least, mut since) = (None, f64::INFINITY, 0);
+        let (mut best, mut least) = (None, f64::INFINITY);
         for _ in 0..MAX_ROUNDS {
             let p = self.surfaces.positions(&now);
             let near = self.near(&p, gap);
@@ -65,12 +61,8 @@ impl Contact {
                 }
             }
             let missing = found.missing(gap);
-            since = if missing < (1.0 - GAIN) * least { 0 } else { since + 1 };
             if missing < least {
                 (best, least) = (Some(found), missing);
-            }
-            if since == PATIENCE {
-                break;
             }
         }
         let TooClose { near, crossings } = best.expect("there was a round");
@@ -101,13 +93,14 @@ impl Contact {
         p: &[Vector3<f64>],
         moves: &dyn Fn(u32) -> bool,
     ) -> BTreeMap<u32, Vector3<f64>> {
+        let all = &self.surfaces;
         let mut wishes = BTreeMap::<u32, Vector3<f64>>::new();
         // Points with their fractions in the one that moves, on either side; the least motion of the nodes that brings it about.
         let mut push = |a: &[(u32, f64)], b: &[(u32, f64)], way: Vector3<f64>| {
             let mut nodes = BTreeMap::<u32, f64>::new();
             for (side, points) in [(1.0, a), (-1.0, b)] {
                 for &(point, fraction) in points {
-                    for (node, weight) in self.surfaces.points[point as usize].weighted_nodes() {
+                    for (node, weight) in all.points[point as usize].weighted_nodes() {
                         *nodes.entry(node).or_default() += side * fraction * weight;
                     }
                 }
@@ -124,18 +117,18 @@ impl Contact {
             }
         };
         for n in &found.near {
-            let corners = self.surfaces.triangles[n.triangle as usize];
+            let corners = all.triangles[n.triangle as usize];
             let at: [(u32, f64); 3] = std::array::from_fn(|c| (corners[c], n.at[c]));
             push(&[(n.point, 1.0)], &at, n.out * (1.05 * gap - n.gap));
         }
         let normals = if found.crossings.is_empty() { Vec::new() } else { self.normals(p) };
         for &[e, t] in &found.crossings {
-            let halves = |e: u32| self.surfaces.edges[e as usize].points.map(|point| (point, 0.5));
+            let halves = |e: u32| all.edges[e as usize].points.map(|point| (point, 0.5));
             match self.way_back(e, t, gap, p, &normals) {
                 Some((f, way)) => push(&halves(e), &halves(f), way),
                 // Through a triangle alone: it leaves by the front, bit by bit.
                 None => {
-                    let corners = self.surfaces.triangles[t as usize];
+                    let corners = all.triangles[t as usize];
                     let [a, b, c] = corners.map(|c| p[c as usize]);
                     let thirds = corners.map(|corner| (corner, 1.0 / 3.0));
                     push(&halves(e), &thirds, (b - a).cross(&(c - a)).normalize() * gap);

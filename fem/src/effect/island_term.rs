@@ -16,11 +16,6 @@ pub trait IslandTerm: Send + Sync {
     /// Norm \[N\] of its forces in play; adds to `total` those that supports may have to carry.
     fn force_scale(&self, x: &[f64], total: &mut [f64]) -> f64;
 
-    /// Whether Π jumps somewhere, so that a line search may have to go past that.
-    fn energy_jumps(&self) -> bool {
-        false
-    }
-
     /// Goes with the load to the fraction `t` 0..=1 of its way.
     fn set_load(&mut self, _t: f64) {}
 

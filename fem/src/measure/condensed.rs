@@ -6,7 +6,7 @@
 
 use super::{Snapshot, body_wrenches};
 use crate::body::Pose;
-use crate::plan::{Load, LoadedIsland, Plan};
+use crate::plan::{Island, Load, LoadedIsland, Plan};
 use crate::solve::{Analysis, BlockMatrix, LinearSolver, Loading, Potential};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::sync::Arc;
@@ -30,8 +30,7 @@ pub fn condensed_stiffness(
     body: usize,
     about: [f64; 3],
 ) -> Result<[[f64; 6]; 6], String> {
-    let mut islands: Vec<Held> =
-        plan.islands.iter().map(|island| Held::new(plan, at, island.clone())).collect();
+    let mut islands: Vec<Held> = plan.islands.iter().map(|island| Held::new(at, island.clone())).collect();
     let mut stiffness = [[0.0; 6]; 6];
     for column in 0..6 {
         let moved = [1.0, -1.0].map(|sign| {
@@ -75,7 +74,7 @@ fn twisted(pose: &Pose, column: usize, by: f64, about: [f64; 3]) -> Pose {
 
 /// An island about its equilibrium.
 struct Held {
-    island: Arc<crate::plan::Island>,
+    island: Arc<Island>,
     load: Load,
     free: Vec<f64>,
     /// What is held of the free nodes.
@@ -84,7 +83,7 @@ struct Held {
 }
 
 impl Held {
-    fn new(_plan: &Plan, at: Snapshot, island: Arc<crate::plan::Island>) -> Held {
+    fn new(at: Snapshot, island: Arc<Island>) -> Held {
         let free = island.free_positions(&island.gather(at.x));
         let potential = LoadedIsland::new(island.clone(), at.load.clone(), at.load.clone());
         let fixed = match potential.fixed() {

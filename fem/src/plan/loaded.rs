@@ -84,10 +84,6 @@ impl Potential for LoadedIsland {
         self.terms.iter().fold(energy, |sum, term| sum + term.energy(&x))
     }
 
-    fn energy_jumps(&self) -> bool {
-        self.terms.iter().any(|term| term.energy_jumps())
-    }
-
     fn gradient(&self, x: &[f64], g: &mut [f64]) {
         let island = &self.island;
         let x = self.expand(x);

@@ -11,10 +11,6 @@ use super::{Loading, Reason};
 const LEAST_STEP_LENGTH: f64 = 1e-6;
 /// Fraction of the predicted decrease that a step must reach (Armijo).
 const ARMIJO: f64 = 1e-4;
-/// Shortest fraction of a free step that is tried past a jump of the energy.
-const LEAST_JUMP: f64 = 1e-3;
-/// Fraction of the slope that may be left there.
-const SLOPE_LEFT: f64 = 0.9;
 /// Energy differences below this fraction of the energy are taken for round-off.
 const ENERGY_ROUND_OFF: f64 = 1e-11;
 
@@ -71,39 +67,6 @@ impl Run<'_> {
             length = parabola.clamp(0.1 * length, 0.5 * length);
         }
         Err(if inverted { Reason::Inversion } else { Reason::NoDescent })
-    }
-
-    /// The same where the energy jumps within the shortest step, as that of softened contact does where a point changes the side by which
-    /// it leaves a body: whatever the energy is beyond, the slope along `dx` has to be less steep there.
-    pub(super) fn search_past_jump(
-        &self,
-        potential: &dyn Loading,
-        x: &[f64],
-        g: &[f64],
-        dx: &[f64],
-        energy: &mut f64,
-        trial: &mut [f64],
-    ) -> Result<f64, Reason> {
-        let slope = dot(g, dx);
-        let free = self.free_length(potential, x, dx, &potential.touching(x), trial);
-        let mut g_trial = vec![0.0; x.len()];
-        let mut length = free;
-        while length > LEAST_JUMP * free {
-            for i in 0..x.len() {
-                trial[i] = x[i] + length * dx[i];
-            }
-            let e = potential.energy(trial);
-            if e.is_finite() {
-                self.gradient(potential, trial, &mut g_trial);
-                if dot(&g_trial, dx).abs() <= SLOPE_LEFT * slope.abs() {
-                    tracing::debug!(island = %self.name, step = self.step, length, from = *energy, to = e, "past a jump of the energy");
-                    *energy = e;
-                    return Ok(length);
-                }
-            }
-            length /= 2.0;
-        }
-        Err(Reason::NoDescent)
     }
 
     /// Greatest fraction of `dx` on whose way from the places `from` nothing touches; 1 where nothing can. Overwrites `trial`.

@@ -15,13 +15,9 @@ const DET_F_FRACTION: f64 = 0.1;
 const LEAST_PREDICTION: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.
 const ON_THE_WAY: f64 = 0.05;
-/// The same where what is left of overlaps does not let itself be parted.
-const CLOSER: f64 = 0.01;
 /// Fractions of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
 /// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
 const SCHEDULE: [f64; 3] = [0.8, 0.1, 0.03];
-/// Iterations that softened contact may take.
-const MAX_SOFT_ITERATIONS: usize = 40;
 /// Unstable equilibria that are left in one load step.
 const MAX_KICKS: usize = 3;
 /// Predictions that are tried within one load step.
@@ -133,27 +129,16 @@ impl Run<'_> {
     fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         self.may_approach = false;
         let hardest = SCHEDULE[SCHEDULE.len() - 1];
-        let parted = SCHEDULE.iter().all(|&softness| self.relax(potential, x, load, softness, ON_THE_WAY))
-            && (potential.untangle(x, hardest)
-                // Near a sharp edge what overlaps may lie too deep to be parted; closer to equilibrium little does.
-                || self.relax(potential, x, load, hardest, CLOSER) && potential.untangle(x, hardest));
+        let parted = SCHEDULE.iter().all(|&softness| self.relax(potential, x, load, softness))
+            && potential.untangle(x, hardest);
         potential.soften(0.0);
         parted && is_sound(potential, x, 0.0)
     }
 
-    /// Takes `x` near equilibrium at the load `load` with contact softened below `softness`, to a residual of `enough` relative to the forces in
-    /// play; returns whether it got there.
-    fn relax(
-        &mut self,
-        potential: &mut dyn Loading,
-        x: &mut [f64],
-        load: f64,
-        softness: f64,
-        enough: f64,
-    ) -> bool {
-        let (tolerance, max_iterations) = (self.tolerance, self.settings.max_iterations);
-        self.tolerance = self.settings.tolerance.max(enough);
-        self.settings.max_iterations = MAX_SOFT_ITERATIONS;
+    /// Takes `x` near equilibrium at the load `load` with contact softened below `softness`; returns whether it got there.
+    fn relax(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64, softness: f64) -> bool {
+        let tolerance = self.tolerance;
+        self.tolerance = self.settings.tolerance.max(ON_THE_WAY);
         self.linear.forget();
         let before = std::mem::replace(&mut self.convexity, Convexity::full());
         let outcome = potential.soften(softness).then(|| self.newton(potential, x, load));
@@ -161,7 +146,7 @@ impl Run<'_> {
             let (det_f, reason) = (failure.det_f, &failure.reason);
             tracing::debug!(island = %self.name, step = self.step, load, softness, det_f, %reason, "softened contact does not settle");
         }
-        (self.tolerance, self.settings.max_iterations) = (tolerance, max_iterations);
+        self.tolerance = tolerance;
         self.convexity = before;
         self.linear.forget();
         matches!(outcome, Some(Ok(())))
@@ -257,7 +242,7 @@ impl Run<'_> {
                 // The rest is a load step of its own, from where surfaces are apart again.
                 break;
             }
-            if !self.relax(potential, x, t, SCHEDULE[0], ON_THE_WAY) {
+            if !self.relax(potential, x, t, SCHEDULE[0]) {
                 return Soft::Failed(t);
             }
         }

@@ -116,9 +116,6 @@ impl Run<'_> {
             if found.is_err() && short.is_some() {
                 found = search(&dx);
             }
-            if found == Err(Reason::NoDescent) && projected && potential.energy_jumps() {
-                found = self.search_past_jump(potential, x, &g, &dx, &mut energy, &mut trial);
-            }
             let length = match found {
                 Ok(length) => length,
                 Err(_) if !projected => {

@@ -26,11 +26,6 @@ pub trait Potential: Send + Sync {
     /// Π \[J\]; `+∞` where inadmissible (an inverted element), so that the line search backs off.
     fn energy(&self, x: &[f64]) -> f64;
 
-    /// Whether Π jumps somewhere, so that a line search may have to go past that.
-    fn energy_jumps(&self) -> bool {
-        false
-    }
-
     /// g = ∂Π/∂x \[N\]; overwrites `g`. Needs finite energy.
     fn gradient(&self, x: &[f64], g: &mut [f64]);
 

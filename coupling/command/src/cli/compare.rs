@@ -26,7 +26,7 @@ use coupling::scene::StressFree;
 use coupling::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
 use coupling::subject::words;
 use coupling::two_way::fixed_point::Scheme;
-use coupling::two_way::{Coupling, MOST_PASSES, Pass, write_missing, write_passes};
+use coupling::two_way::{Coupling, MOST_PASSES, Pass, write_capacities, write_missing, write_passes};
 
 #[derive(Args)]
 pub struct CompareArguments {
@@ -165,6 +165,12 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
         let why = "--two-way needs Hill fibres and the configuration without contact: set `fibres = \"hill\"` and muscles in the scene, and give no --contact with";
         return Err(CommandError::Option(why.into()));
     }
+    if let (Some(_), Some(unit)) = (two_way, &scene.controller) {
+        return Err(CommandError::Option(format!(
+            "--two-way: {} says how hard muscles pull, so that nothing goes back to force sharing; take controller out of the scene",
+            unit.display()
+        )));
+    }
     let Some(wanted) = arguments.accuracy else {
         return carry_out("compare", scene, asked, &arguments.run, two_way, None, quiet);
     };
@@ -220,7 +226,11 @@ pub(super) fn carry_out(
         let expected = Expected::of(&sized.scene, &thigh, works);
         progress.expect(|stage| expected.of_stage(stage));
     }
-    let prepared = Prepared::of(sized, &mut |stage| progress.lap(stage))?;
+    let mut prepared = Prepared::of(sized, &mut |stage| progress.lap(stage))?;
+    if let Some(unit) = prepared.scene.controller.clone() {
+        prepared.control(controlled(&prepared, &unit)?)?;
+        record.inputs.push(InputFile::of(&unit)?);
+    }
     record.inputs.push(InputFile::of_text(&format!("{}.toml", prepared.scene.name), &prepared.scene.text));
     for file in &prepared.inputs {
         record.inputs.push(InputFile::of(file)?);
@@ -238,7 +248,7 @@ pub(super) fn carry_out(
     record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
     let clock = Instant::now();
     let coupling = two_way.map(|(scheme, most)| prepared.two_way(&comparison, scheme, most)).transpose()?;
-    let Coupling { passes, last, shortcomings: unsettled } = coupling.unwrap_or_default();
+    let Coupling { passes, last, capacities, shortcomings: unsettled } = coupling.unwrap_or_default();
     if !last.is_empty() {
         prepared.adopt(&mut comparison, &last, clock.elapsed(), folder)?;
     }
@@ -297,8 +307,13 @@ pub(super) fn carry_out(
         out.write("missing_moments.csv", |w| {
             write_missing(w, &comparison.thigh, &comparison.steps, &passes)
         })?;
+        out.write("capacities.csv", |w| {
+            write_capacities(w, &comparison.thigh, &comparison.steps, &capacities)
+        })?;
     } else {
-        ["passes.csv", "missing_moments.csv"].iter().try_for_each(|file| out.remove(file))?;
+        ["passes.csv", "missing_moments.csv", "capacities.csv"]
+            .iter()
+            .try_for_each(|file| out.remove(file))?;
     }
     let record = write_compare(out, &report, record)?;
     progress.lap("write");
@@ -316,6 +331,14 @@ pub(super) fn carry_out(
         print(&mut terminal, &report, &record, folder).and_then(|()| print_passes(&mut terminal, &passes))
     };
     Ok(if shortcomings.is_empty() { Outcome::Solved } else { Outcome::NotSolved })
+}
+
+/// What the controller of a scene says: per step the activation of every muscle.
+fn controlled(prepared: &Prepared, unit: &Path) -> Result<Vec<Vec<f64>>, CommandError> {
+    let muscles: Vec<&str> = prepared.thigh.muscles.iter().map(|m| m.name.as_str()).collect();
+    let rows: Vec<usize> = prepared.steps.iter().map(|step| step.row).collect();
+    let said = sartorius_fmi::foreign::activations(unit, &muscles, &prepared.done.effort.time, &rows);
+    said.map_err(|e| CommandError::Option(e.to_string()))
 }
 
 /// What the reader must know: doubts about the trial, warnings about the mesh.

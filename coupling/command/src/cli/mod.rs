@@ -4,6 +4,7 @@ mod accuracy;
 mod check;
 mod compare;
 mod cost;
+mod export_fmu;
 mod interrupt;
 mod mesh;
 mod optimize;
@@ -121,6 +122,8 @@ enum Command {
     Solve(solve::SolveArguments),
     /// What a scene would simulate, what it leaves out and why, and what it would cost.
     Plan(plan::PlanArguments),
+    /// One side of a scene as a co-simulation unit (FMI 3.0), to be coupled in FMPy and other masters.
+    ExportFmu(export_fmu::ExportArguments),
     /// Scenes and trials that the program carries; or the text of one of them.
     Scenes(scenes::ScenesArguments),
     /// Writes a trial file for a recording, or a scene, with every key and its meaning.
@@ -166,6 +169,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Solve(arguments) => solve::run(&arguments, quiet),
         Command::Study(arguments) => study::run(&arguments, quiet),
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::ExportFmu(arguments) => export_fmu::run(&arguments, quiet),
         Command::Scenes(arguments) => scenes::run(&arguments),
         Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => Ok(check::run(&arguments)),
