@@ -534,12 +534,12 @@ fn the_page_of_keys_is_what_the_source_says() {
         "What `study` carries out: subjects by settings by samples, and what varies from sample to sample.\n\
          [study.md](study.md) shows how.\n\
          Trials and scene are looked for beside the study, or are shipped ones.",
-        coupling::study::file::KEYS,
+        coupling::study::keys::KEYS,
     );
     let options = page(
         "Options of `optimize` in a study",
         "Keys `optimize.…` of settings and of what varies: the options of the command line, with underscores.",
-        coupling::changes::OPTIONS,
+        coupling::options::OPTIONS,
     );
     let text = format!(
         "# Keys\n\nEvery key of the four kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}\n{ladder}\n{study}\n{options}"
@@ -618,6 +618,8 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         vary("optimize.cost", "\"force\""),
     ];
     fs::write(folder.join("leg.toml"), leg.concat()).unwrap();
+    let sure = vary("strengths.soleus", "0.9, 1.1");
+    fs::write(folder.join("sure.toml"), format!("samples = 8\nindices = true\n{sure}")).unwrap();
     let thigh = vary("scene.materials.matrix_a_kpa", "3.0, 4.0");
     fs::write(
         folder.join("thigh.toml"),
@@ -643,6 +645,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["study", "leg.toml", "--out", "y"],
         &["study", "thigh.toml", "--out", "z"],
         &["study", "recorded.toml", "--out", "q"],
+        &["study", "sure.toml", "--out", "i"],
     ] {
         let output = sartorius(arguments, folder);
         // A single pass of two-way coupling or a single muscle may miss its verdict; its tables are written all the same.
@@ -655,7 +658,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "v", "c", "w", "t", "m", "s", "r", "l", "y", "z", "q"] {
+    for part in ["o", "v", "c", "w", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
+use coupling::comparison::{Comparison, Prepared, Sized};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
 use coupling::session::{RigidSession, RigidSide, ThighSession, ThighSide};
-use coupling::comparison::{Comparison, Prepared, Sized};
 use coupling::two_way::capacity::MuscleCapacity;
 use coupling::two_way::fixed_point::{FixedPoint, Scheme};
 use coupling::two_way::{MOST_PASSES, TOLERANCE};

@@ -168,6 +168,23 @@ fn children(parent: u32) -> Vec<u32> {
     numbers.filter(is_child).collect()
 }
 
+/// Kills workers of a study that runs, so many one after the other.
+#[cfg(target_os = "linux")]
+fn kill_a_worker(study: u32, times: usize) {
+    let begun = Instant::now();
+    let mut killed = 0;
+    while killed < times {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no worker to kill");
+        if let Some(worker) = children(study).first() {
+            std::thread::sleep(Duration::from_millis(150));
+            killed += usize::from(
+                Command::new("kill").args(["-9", &worker.to_string()]).status().unwrap().success(),
+            );
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_worker_that_is_killed_loses_nothing_and_doubles_nothing() {
@@ -180,18 +197,7 @@ fn a_worker_that_is_killed_loses_nothing_and_doubles_nothing() {
     };
     assert!(start("whole").wait().unwrap().success());
     let mut study = start("killed");
-    let begun = Instant::now();
-    let mut killed = 0;
-    while killed < 3 {
-        assert!(begun.elapsed() < Duration::from_secs(60), "no worker to kill");
-        if let Some(worker) = children(study.id()).first() {
-            std::thread::sleep(Duration::from_millis(150));
-            killed += usize::from(
-                Command::new("kill").args(["-9", &worker.to_string()]).status().unwrap().success(),
-            );
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    kill_a_worker(study.id(), 3);
     let mut said = String::new();
     let status = study.wait().unwrap();
     study.stderr.take().unwrap().read_to_string(&mut said).unwrap();
@@ -283,4 +289,104 @@ fn runs_of_a_scene_are_those_of_the_command() {
         assert_eq!(line.rsplit(',').next().unwrap(), format!("{:.6e}", number(row, column)));
     }
     assert!(!at.join("out").join(Study::folder(0)).join("no_contact").exists());
+}
+
+/// Indices of a study by another road: from the table alone, first order by Jansen's estimator, of which the program's is independent.
+#[test]
+fn indices_are_those_of_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // Curves change activations and no force: of the scatter of forces they have no part, to the last bit.
+    let curves = "\n[[vary]]\nkey = \"optimize.curves\"\ndistribution = \"choice\"\nvalues = [\"thelen\", \"degroote\"]\n";
+    let text = format!("indices = true\n{}{curves}", WALKER.replace("samples = 6", "samples = 40"));
+    fs::write(at.join("walker.toml"), text).unwrap();
+    let output = sartorius(&["study", "walker.toml", "--out", "out", "--quiet"], at);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows = table(&at.join("out/table.csv"));
+    let sets = ["first", "second", "landmarks", "strengths", "optimize.curves"];
+    assert_eq!(rows.len(), 40 * sets.len() * 2);
+    let of = |setting: &str, set: &str| -> Vec<&BTreeMap<String, String>> {
+        let own: Vec<_> = rows.iter().filter(|r| r["setting"] == setting && r["set"] == set).collect();
+        let samples: Vec<usize> = own.iter().map(|r| r["sample"].parse().unwrap()).collect();
+        assert_eq!(samples, (0..40).collect::<Vec<usize>>());
+        own
+    };
+    // A set with a group exchanged has that group of the second set, and the rest of the first.
+    for group in &sets[2..] {
+        let [first, second, exchanged] = ["first", "second", group].map(|set| of("force", set));
+        for sample in 0..40 {
+            for (column, value) in exchanged[sample].iter() {
+                if ["landmarks.", "strengths.", "optimize."].iter().any(|space| column.starts_with(space)) {
+                    let from = if column.starts_with(group) { &second } else { &first };
+                    assert_eq!(*value, from[sample][column], "{column} of {group}");
+                }
+            }
+        }
+        if group.starts_with("optimize") {
+            continue;
+        }
+        let differs = |k: usize| first[k]["strengths.soleus"] != second[k]["strengths.soleus"];
+        assert!((0..40).all(differs), "the second set is another one");
+    }
+    let indices = table(&at.join("out/indices.csv"));
+    for setting in ["force", "activation"] {
+        for name in ["peak_knee_N", "peak_soleus_N", "peak_gmed1_N"] {
+            let values = |set: &str| of(setting, set).iter().map(|r| number(r, name)).collect::<Vec<f64>>();
+            let (first, second) = (values("first"), values("second"));
+            let all = [first.as_slice(), &second].concat();
+            let mean = all.iter().sum::<f64>() / 80.0;
+            let variance = all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 80.0;
+            for group in &sets[2..] {
+                let row = indices
+                    .iter()
+                    .find(|r| r["number"] == name && r["setting"] == setting && r["vary"] == *group)
+                    .unwrap();
+                let exchanged = values(group);
+                let half = |with: &[f64]| {
+                    let squares = with.iter().zip(&exchanged).map(|(a, b)| (a - b).powi(2));
+                    squares.sum::<f64>() / 80.0 / variance
+                };
+                assert!((number(row, "total") - half(&first)).abs() < 1e-12, "{row:?}");
+                let [value, error] = ["first_order", "first_order_error"].map(|column| number(row, column));
+                let jansen = 1.0 - half(&second);
+                assert!((value - jansen).abs() < 4.0 * error + 0.05, "{jansen}: {row:?}");
+                if group.starts_with("optimize") {
+                    assert_eq!([value, error, number(row, "total")], [0.0; 3], "{row:?}");
+                }
+                assert_eq!(row["samples"], "40");
+            }
+        }
+    }
+    let page = fs::read_to_string(at.join("out/report.html")).unwrap();
+    assert!(page.contains("Where the scatter comes from") && page.contains("strengths, with others"));
+    // Too few samples, or nothing that varies: said before anything runs.
+    fs::write(at.join("few.toml"), format!("indices = true\n{WALKER}")).unwrap();
+    let output = sartorius(&["study", "few.toml", "--out", "few"], at);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("8 samples at least"), "{said}");
+    assert!(said.contains("line 2") && !at.join("few").exists(), "{said}");
+}
+
+/// The same of scenes: three muscles, two workers or one, one of them killed.
+#[cfg(target_os = "linux")]
+#[test]
+fn runs_of_a_scene_are_the_same_with_any_workers_and_after_one_is_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = "run = \"compare\"\nscene = \"scene.toml\"\ncontact = \"without\"\nsamples = 3\n\n\
+        [[vary]]\nkey = \"strengths\"\ndistribution = \"normal\"\nsd = 0.1\n";
+    fs::write(at.join("scene.toml"), "muscles = [\"sartorius\"]\nresolution_mm = 20.0\n").unwrap();
+    fs::write(at.join("one.toml"), text).unwrap();
+    for workers in ["1", "2"] {
+        let output = sartorius(&["study", "one.toml", "--out", workers, "--workers", workers, "--quiet"], at);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let arguments = ["study", "one.toml", "--workers", "2", "--out", "killed"];
+    let mut study =
+        Command::new(program()).args(arguments).current_dir(at).stderr(Stdio::null()).spawn().unwrap();
+    kill_a_worker(study.id(), 1);
+    assert!(study.wait().unwrap().success());
+    let one = fs::read(at.join("1/table.csv")).unwrap();
+    assert!(one == fs::read(at.join("2/table.csv")).unwrap());
+    assert!(one == fs::read(at.join("killed/table.csv")).unwrap());
 }

@@ -25,6 +25,7 @@ pub mod fibres;
 pub mod measured;
 pub mod number;
 pub mod optimize;
+pub mod options;
 pub mod scene;
 pub mod session;
 pub mod solve;

@@ -1,5 +1,6 @@
 //! What Python calls of Sartorius. Names, units and words are those of the Rust side; `python/sartorius` puts tables and documentation around it.
 
+mod arrays;
 mod errors;
 mod optimize;
 mod patience;

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use command::output::tables;
-use coupling::changes::set_option;
 use coupling::optimize::{OptimizeOptions, Optimized, optimize_with};
+use coupling::options::set_option;
 use multibody::shipped::{self, Kind};
 use multibody::trial::{Side, Status};
 use nalgebra::Vector3;
-use numpy::ToPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arrays::column;
 use crate::errors::{bad, of_core, of_input};
 use crate::patience::wait;
 use crate::tables::{of_series, to_toml};
@@ -78,7 +78,7 @@ fn given(
             wrong.push(format!("landmarks: there is no `{name}`; {meant}known are {}", known.join(", ")));
         }
     }
-    let lines = coupling::study::file::muscle_lines();
+    let lines = coupling::study::names::muscle_lines();
     for (name, factor) in strengths.unwrap_or_default() {
         if !lines.contains(&name) {
             let meant = multibody::error::nearest(&name, lines.iter().map(String::as_str));
@@ -142,16 +142,15 @@ fn verdicts<'py>(py: Python<'py>, done: &Optimized) -> PyResult<Bound<'py, PyDic
         Status::Failed => "failed",
     };
     let table = PyDict::new(py);
-    table.set_item("time_s", done.effort.time.to_pyarray(py))?;
+    table.set_item("time_s", column(py, &done.effort.time)?)?;
     table.set_item("status", verdicts.iter().map(|v| status(v.status)).collect::<Vec<_>>())?;
     table.set_item("reason", verdicts.iter().map(|v| v.reason.clone()).collect::<Vec<_>>())?;
-    let numbers =
-        |of: &dyn Fn(usize) -> f64| (0..verdicts.len()).map(of).collect::<Vec<f64>>().to_pyarray(py);
-    table.set_item("kkt_residual", numbers(&|k| verdicts[k].kkt_residual))?;
-    table.set_item("equality_residual", numbers(&|k| verdicts[k].equality_residual))?;
-    table.set_item("reserve_share", numbers(&|k| verdicts[k].reserve_share))?;
+    let numbers = |of: &dyn Fn(usize) -> f64| column(py, &(0..verdicts.len()).map(of).collect::<Vec<f64>>());
+    table.set_item("kkt_residual", numbers(&|k| verdicts[k].kkt_residual)?)?;
+    table.set_item("equality_residual", numbers(&|k| verdicts[k].equality_residual)?)?;
+    table.set_item("reserve_share", numbers(&|k| verdicts[k].reserve_share)?)?;
     table.set_item("active_bounds", verdicts.iter().map(|v| v.active_bounds).collect::<Vec<_>>())?;
-    table.set_item("marker_rms_mm", numbers(&|k| 1e3 * fits[k].marker_rms))?;
+    table.set_item("marker_rms_mm", numbers(&|k| 1e3 * fits[k].marker_rms)?)?;
     table.set_item(
         "fit",
         fits.iter().map(|f| f.failure.clone().unwrap_or("fitted".into())).collect::<Vec<_>>(),

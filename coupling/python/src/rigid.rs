@@ -6,13 +6,12 @@ use coupling::comparison::Sized;
 use coupling::session::{RigidSession, RigidSide};
 use coupling::thigh::registration::BODIES;
 use coupling::two_way::capacity::MOVED;
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::arrays::{array, column, rows};
 use crate::errors::of_core;
 use crate::patience::wait;
-use crate::tables::rows;
 use crate::thigh::Thigh;
 
 /// What `sartorius.RigidLeg` documents.
@@ -41,8 +40,8 @@ impl RigidLeg {
     }
 
     #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.side.times().to_pyarray(py)
+    fn times<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        column(py, self.side.times())
     }
 
     #[getter]
@@ -59,18 +58,18 @@ impl RigidLeg {
         self.session().go_to(time).map_err(of_core)
     }
 
-    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let poses = self.session().result().map_err(of_core)?.poses;
         rows(py, poses.as_flattened(), 7)
     }
 
-    fn twists<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    fn twists<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let twists = self.session().result().map_err(of_core)?.twists;
-        PyArray1::from_slice(py, twists.as_flattened().as_flattened()).reshape([BODIES.len(), MOVED, 6])
+        array(py, twists.as_flattened().as_flattened(), [BODIES.len(), MOVED, 6])
     }
 
-    fn drives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        Ok(self.session().result().map_err(of_core)?.drives.to_pyarray(py))
+    fn drives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        column(py, &self.session().result().map_err(of_core)?.drives)
     }
 
     fn is_feasible(&self) -> PyResult<bool> {
@@ -92,8 +91,8 @@ impl RigidLeg {
         let result = session.result().map_err(of_core)?;
         let table = PyDict::new(py);
         table.set_item("muscle", self.muscles())?;
-        table.set_item("force_along_belly_N", result.muscle_forces.to_pyarray(py))?;
-        table.set_item("force_N", result.tensions.to_pyarray(py))?;
+        table.set_item("force_along_belly_N", column(py, &result.muscle_forces)?)?;
+        table.set_item("force_N", column(py, &result.tensions)?)?;
         Ok(table)
     }
 
@@ -102,14 +101,14 @@ impl RigidLeg {
         let result = session.result().map_err(of_core)?;
         let table = PyDict::new(py);
         table.set_item("line", self.side.lines().collect::<Vec<_>>())?;
-        table.set_item("force_N", result.forces.to_pyarray(py))?;
-        table.set_item("activation", result.activations.to_pyarray(py))?;
-        table.set_item("length_m", result.lengths.to_pyarray(py))?;
+        table.set_item("force_N", column(py, &result.forces)?)?;
+        table.set_item("activation", column(py, &result.activations)?)?;
+        table.set_item("length_m", column(py, &result.lengths)?)?;
         let coordinates = self.side.coordinates();
         for (c, name) in coordinates.iter().enumerate() {
             let arms: Vec<f64> =
                 result.lever_arms.iter().skip(c).step_by(coordinates.len()).copied().collect();
-            table.set_item(format!("lever_arm_{name}_m"), arms.to_pyarray(py))?;
+            table.set_item(format!("lever_arm_{name}_m"), column(py, &arms)?)?;
         }
         Ok(table)
     }

@@ -1,27 +1,19 @@
 //! Tables as plain objects: `{name of column: values}`, in their order.
 
 use command::output::tables::Series;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+
+use crate::arrays::column;
 
 /// A table over time, `time_s` first.
 pub(crate) fn of_series<'py>(py: Python<'py>, series: &Series) -> PyResult<Bound<'py, PyDict>> {
     let table = PyDict::new(py);
-    table.set_item("time_s", series.time.to_pyarray(py))?;
+    table.set_item("time_s", column(py, &series.time)?)?;
     for (name, values) in &series.columns {
-        table.set_item(name, values.to_pyarray(py))?;
+        table.set_item(name, column(py, values)?)?;
     }
     Ok(table)
-}
-
-/// Numbers as an array of rows of `width`.
-pub(crate) fn rows<'py>(
-    py: Python<'py>,
-    values: &[f64],
-    width: usize,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    PyArray1::from_slice(py, values).reshape([values.len() / width.max(1), width])
 }
 
 /// A value of Python as TOML has it: words, numbers, truth values and lists of these.

@@ -10,18 +10,15 @@ use coupling::scene::Scene;
 use coupling::session::{PoseNumbers, ThighSession, ThighSide};
 use coupling::thigh::registration::BODIES;
 use coupling::two_way::capacity::{BoneTwists, COORDINATES, MOVED};
-use numpy::{
-    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::arrays::{array, column, rows};
 use crate::errors::{bad, of_core, of_input};
 use crate::patience::wait;
-use crate::tables::rows;
 
 /// Name and kind of a block of cells, and the nodes of each.
-type Cells<'py> = (String, String, Bound<'py, PyArray2<u32>>);
+type Cells<'py> = (String, String, Bound<'py, PyAny>);
 
 /// What `sartorius.Session` documents.
 #[pyclass(frozen, module = "sartorius._core")]
@@ -104,39 +101,31 @@ impl Thigh {
         self.session().set_time(time).map_err(of_core)
     }
 
-    fn set_poses(&self, poses: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
-        let poses = poses.as_array();
-        if poses.ncols() != 7 {
-            return Err(bad(format!(
-                "poses: {} numbers per bone, must be 7 (x, y, z, then w, x, y, z)",
-                poses.ncols()
-            )));
-        }
-        let poses: Vec<PoseNumbers> =
-            poses.rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect();
-        self.session().set_poses(&poses).map_err(of_core)
+    fn set_poses(&self, poses: Vec<Vec<f64>>) -> PyResult<()> {
+        let wrong = |row: Vec<f64>| {
+            bad(format!("poses: {} numbers per bone, must be 7 (x, y, z, then w, x, y, z)", row.len()))
+        };
+        let poses = poses.into_iter().map(|row| PoseNumbers::try_from(row).map_err(wrong));
+        self.session().set_poses(&poses.collect::<PyResult<Vec<_>>>()?).map_err(of_core)
     }
 
-    fn set_activations(&self, activations: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
-        self.session().set_activations(&activations.as_array().to_vec()).map_err(of_core)
+    fn set_activations(&self, activations: Vec<f64>) -> PyResult<()> {
+        self.session().set_activations(&activations).map_err(of_core)
     }
 
-    fn set_twists(&self, twists: PyReadonlyArray3<'_, f64>) -> PyResult<()> {
-        let twists = twists.as_array();
-        if twists.shape() != [BODIES.len(), MOVED, 6] {
-            return Err(bad(format!(
-                "twists: shape {:?}, must be [{}, {MOVED}, 6]",
-                twists.shape(),
-                BODIES.len()
-            )));
-        }
-        let all: BoneTwists =
-            std::array::from_fn(|b| std::array::from_fn(|c| std::array::from_fn(|i| twists[[b, c, i]])));
-        self.session().set_twists(&all).map_err(of_core)
+    fn set_twists(&self, twists: Vec<Vec<Vec<f64>>>) -> PyResult<()> {
+        let wrong = || bad(format!("twists: the shape must be [{}, {MOVED}, 6]", BODIES.len()));
+        let of_bone = |bone: Vec<Vec<f64>>| -> Option<[[f64; 6]; MOVED]> {
+            let moved: Option<Vec<[f64; 6]>> = bone.into_iter().map(|twist| twist.try_into().ok()).collect();
+            moved?.try_into().ok()
+        };
+        let all: Option<Vec<_>> = twists.into_iter().map(of_bone).collect();
+        let all: Option<BoneTwists> = all.and_then(|all| all.try_into().ok());
+        self.session().set_twists(&all.ok_or_else(wrong)?).map_err(of_core)
     }
 
-    fn set_rigid_knee_arms(&self, arms: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
-        self.session().set_rigid_knee_arms(&arms.as_array().to_vec()).map_err(of_core)
+    fn set_rigid_knee_arms(&self, arms: Vec<f64>) -> PyResult<()> {
+        self.session().set_rigid_knee_arms(&arms).map_err(of_core)
     }
 
     fn solve(&self, py: Python<'_>) -> PyResult<()> {
@@ -159,29 +148,29 @@ impl Thigh {
         let table = PyDict::new(py);
         table.set_item("muscle", self.muscles())?;
         let column = |of: &dyn Fn(&coupling::session::MuscleResult) -> f64| {
-            PyArray1::from_vec(py, muscles.iter().map(of).collect())
+            column(py, &muscles.iter().map(of).collect::<Vec<f64>>())
         };
-        table.set_item("section_force_N", column(&|m| m.section.total))?;
-        table.set_item("fibre_N", column(&|m| m.section.fibre))?;
-        table.set_item("matrix_N", column(&|m| m.section.matrix))?;
-        table.set_item("shell_N", column(&|m| m.section.shell))?;
-        table.set_item("tissue_N", column(&|m| m.tissue))?;
-        table.set_item("fibre_stretch", column(&|m| m.stretch))?;
-        table.set_item("elongation_m", column(&|m| m.elongation))?;
+        table.set_item("section_force_N", column(&|m| m.section.total)?)?;
+        table.set_item("fibre_N", column(&|m| m.section.fibre)?)?;
+        table.set_item("matrix_N", column(&|m| m.section.matrix)?)?;
+        table.set_item("shell_N", column(&|m| m.section.shell)?)?;
+        table.set_item("tissue_N", column(&|m| m.tissue)?)?;
+        table.set_item("fibre_stretch", column(&|m| m.stretch)?)?;
+        table.set_item("elongation_m", column(&|m| m.elongation)?)?;
         for (c, name) in COORDINATES.iter().enumerate() {
             table
-                .set_item(format!("lever_arm_{name}_m"), column(&|m| m.lever_arms[c].unwrap_or(f64::NAN)))?;
-            table.set_item(format!("moment_{name}_Nm"), column(&|m| m.moments[c]))?;
+                .set_item(format!("lever_arm_{name}_m"), column(&|m| m.lever_arms[c].unwrap_or(f64::NAN))?)?;
+            table.set_item(format!("moment_{name}_Nm"), column(&|m| m.moments[c])?)?;
         }
         Ok(table)
     }
 
-    fn wrenches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn wrenches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let wrenches = self.session().result().wrenches;
         rows(py, wrenches.as_flattened(), 6)
     }
 
-    fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (state, side) = (self.session().save(), self.side.clone());
         let stiffness = wait(py, None, move |_| {
             let mut copy = ThighSession::new(side);
@@ -189,23 +178,22 @@ impl Thigh {
             copy.stiffness()
         })?;
         let stiffness = stiffness.map_err(of_core)?;
-        PyArray1::from_slice(py, stiffness.as_flattened().as_flattened()).reshape([BODIES.len(), 6, 6])
+        array(py, stiffness.as_flattened().as_flattened(), [BODIES.len(), 6, 6])
     }
 
-    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, self.session().positions(), 3)
     }
 
-    fn displacements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn displacements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.session().displacements(), 3)
     }
 
     /// Per block of cells its name, kind and nodes.
     fn cells<'py>(&self, py: Python<'py>) -> PyResult<Vec<Cells<'py>>> {
         let cells = |block: &fem::mesh::CellBlock| {
-            let nodes = PyArray1::from_slice(py, &block.nodes);
             let per_cell = block.nodes.len() / block.n_cells().max(1);
-            let nodes = nodes.reshape([block.n_cells(), per_cell])?;
+            let nodes = array(py, &block.nodes, [block.n_cells(), per_cell])?;
             Ok((block.name.clone(), format!("{:?}", block.kind), nodes))
         };
         self.side.thigh().mesh.blocks.iter().map(cells).collect()

@@ -4,128 +4,22 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use multibody::InputError;
-use multibody::error::{Mistakes, Place, nearest};
-use multibody::keys::Kind::{Count, File, Flag, Number, Sections, Settings, Text, Values, Word};
-use multibody::keys::Need::{Default as Is, Optional, Required};
-use multibody::keys::{Key, Kind, examine, key, line_of};
+use multibody::error::{Mistakes, Place};
+use multibody::keys::{examine, line_of};
 use multibody::shipped;
-use multibody::trial_file::{self, TrialFile};
-use serde::Deserialize;
+use multibody::trial_file::TrialFile;
 use sha2::{Digest, Sha256};
 use toml::{Spanned, Value};
 
-use super::vary::{Dimension, Distribution, SOBOL, Sequence, Target, number, targets};
-use crate::changes::{OPTIONS, scene_with, set_option};
+use super::admissible::Base;
+use super::indices::LEAST;
+use super::keys::{ContactChoice, KEYS, RunKind, SettingEntry, StudyFile, SubjectEntry, VaryEntry};
+use super::names::{known_key, muscle_lines, targets};
+use super::vary::{Dimension, Distribution, SOBOL, Sequence, Target};
+use crate::changes::scene_with;
 use crate::configuration::PerConfiguration;
 use crate::fibres::cache::content_hash;
-use crate::optimize::OptimizeOptions;
-use crate::scene::{KEYS as SCENE_KEYS, Scene, TomlKind, wanted};
-
-/// One row per key of a study; a test compares them with the struct.
-#[rustfmt::skip]
-pub const KEYS: &[Key] = &[
-    key("run", Word(&["optimize", "compare"]), Is("\"optimize\""), "", "What one run is: the rigid leg alone, or a scene with its deformable thigh", "\"compare\""),
-    key("scene", File, Is("\"walker\""), "", "Scene of `run = \"compare\"`: a file beside this one, or the name of a shipped scene; its trial is that of the subject", "\"three_muscles\""),
-    key("contact", Word(&["both", "with", "without"]), Optional("both where the scene has contact"), "", "Configurations of `run = \"compare\"`", "\"without\""),
-    key("samples", Count(1, 100_000_000), Is("1"), "", "Samples of what varies; all subjects and settings have the same", "500"),
-    key("sequence", Word(&["sobol", "random"]), Is("\"sobol\""), "", "Scrambled Sobol points, 65536 at most in 256 dimensions, or independent ones", "\"random\""),
-    key("seed", Count(0, 4_294_967_295), Is("0"), "", "Another seed, other samples", "1"),
-    key("curves", Flag, Is("true"), "", "Runs of `optimize` keep their curves over time, for the bands of the page", "false"),
-    key("fields", Flag, Is("false"), "", "Runs of `compare` keep their frames for ParaView", "true"),
-
-    key("subject", Sections, Optional("the built-in walker; with a scene the trial of the scene"), "", "Who is computed", ""),
-    key("subject.name", Text, Required, "", "Name in the table", "\"S01\""),
-    key("subject.trial", File, Required, "", "Trial file beside this one, the name of a shipped trial, or walker", "\"S01.toml\""),
-
-    key("setting", Sections, Optional("one, as in the files"), "", "Runs of every sample, told apart by keys", ""),
-    key("setting.name", Text, Required, "", "Name in the table", "\"activation\""),
-    key("setting.keys", Settings, Optional("as in the files"), "", "Keys `trial.…`, `scene.…` and `optimize.…` with their values", "{ \"optimize.cost\" = \"activation\" }"),
-
-    key("vary", Sections, Optional("nothing varies"), "", "What differs from sample to sample", ""),
-    key("vary.key", Text, Required, "", "`trial.KEY`, `scene.KEY`, `optimize.KEY`, `landmarks` or one of them (added, mm), `strengths` or one muscle line (factor)", "\"landmarks\""),
-    key("vary.distribution", Word(&["normal", "lognormal", "uniform", "choice"]), Required, "", "How it is distributed", "\"normal\""),
-    key("vary.mean", Number(f64::MIN, f64::MAX), Optional("of landmarks 0, of strengths 1"), "", "Mean of normal and lognormal", "1.0"),
-    key("vary.sd", Number(f64::MIN_POSITIVE, f64::MAX), Optional("needed by normal and lognormal"), "", "Standard deviation", "0.2"),
-    key("vary.low", Number(f64::MIN, f64::MAX), Optional("no least value"), "", "Least value; the distribution is cut off there", "0.5"),
-    key("vary.high", Number(f64::MIN, f64::MAX), Optional("no greatest value"), "", "Greatest value", "1.5"),
-    key("vary.values", Values, Optional("needed by choice"), "", "Values of a choice, all as likely", "[\"force\", \"activation\"]"),
-];
-
-/// What one run is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum RunKind {
-    /// The rigid leg alone.
-    #[default]
-    Optimize,
-    /// A scene.
-    Compare,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ContactChoice {
-    Both,
-    With,
-    Without,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StudyFile {
-    #[serde(default)]
-    run: RunKind,
-    scene: Option<Spanned<PathBuf>>,
-    contact: Option<Spanned<ContactChoice>>,
-    samples: Option<Spanned<usize>>,
-    #[serde(default)]
-    sequence: Sequence,
-    seed: Option<u32>,
-    curves: Option<bool>,
-    fields: Option<bool>,
-    #[serde(default)]
-    subject: Vec<SubjectEntry>,
-    #[serde(default)]
-    setting: Vec<SettingEntry>,
-    #[serde(default)]
-    vary: Vec<VaryEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SubjectEntry {
-    name: Spanned<String>,
-    trial: Spanned<PathBuf>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SettingEntry {
-    name: Spanned<String>,
-    #[serde(default)]
-    keys: BTreeMap<Spanned<String>, Spanned<Value>>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum DistributionName {
-    Normal,
-    Lognormal,
-    Uniform,
-    Choice,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct VaryEntry {
-    key: Spanned<String>,
-    distribution: DistributionName,
-    mean: Option<f64>,
-    sd: Option<f64>,
-    low: Option<f64>,
-    high: Option<f64>,
-    values: Option<Vec<Value>>,
-}
+use crate::scene::{Scene, TomlKind, wanted};
 
 /// Who is computed.
 #[derive(Clone, Debug, PartialEq)]
@@ -174,6 +68,10 @@ pub struct Study {
     pub settings: Vec<Setting>,
     /// What varies.
     pub dimensions: Vec<Dimension>,
+    /// Keys of what varies together, as written: [`Dimension::group`] is a place here.
+    pub groups: Vec<String>,
+    /// Whether the Sobol indices of the groups are asked for.
+    pub indices: bool,
     /// Folder of recordings and surfaces.
     pub data: Option<PathBuf>,
 }
@@ -201,9 +99,14 @@ impl Study {
         })
     }
 
-    /// Number of runs: subjects by settings by samples.
+    /// Number of runs: subjects by settings by samples, of which each has so many [sets](Set) of values.
     pub fn n_runs(&self) -> usize {
-        self.samples * self.subjects.len() * self.settings.len()
+        self.samples * self.n_sets() * self.subjects.len() * self.settings.len()
+    }
+
+    /// Sets of values of a sample.
+    pub fn n_sets(&self) -> usize {
+        if self.indices { 2 + self.groups.len() } else { 1 }
     }
 
     /// Hash of all that its runs depend on: the file, trials and recordings, scene, and the program itself. What cannot be read counts as absent.
@@ -265,8 +168,8 @@ impl Reader<'_> {
         let subjects = self.subjects(&entry.subject, scene.as_ref().and_then(|s| s.as_ref()), wrong);
         let mut dimensions = Vec::new();
         let muscles = muscle_lines();
-        for vary in &entry.vary {
-            dimensions.extend(self.vary(vary, &muscles, wrong));
+        for (group, vary) in entry.vary.iter().enumerate() {
+            dimensions.extend(self.vary(vary, group, &muscles, wrong));
         }
         let mut seen = BTreeSet::new();
         for dimension in &dimensions {
@@ -275,16 +178,26 @@ impl Reader<'_> {
                 wrong.note(self.bad(0, "vary", format!("`{column}` twice"), "let every key vary once"));
             }
         }
-        if let Some(samples) = &entry.samples {
-            let [most, most_dimensions] = SOBOL;
-            let sobol = entry.sequence == Sequence::Sobol;
-            if sobol && (*samples.get_ref() > most || dimensions.len() > most_dimensions) {
-                let value = format!("{} in {} dimensions", samples.get_ref(), dimensions.len());
-                let remedy = format!(
-                    "the Sobol sequence has {most} samples in {most_dimensions} dimensions; give sequence = \"random\""
-                );
-                wrong.note(self.bad(samples.span().start, "samples", value, remedy));
-            }
+        let indices = entry.indices.as_ref().is_some_and(|i| *i.get_ref());
+        if let Some(asked) = entry.indices.as_ref().filter(|i| *i.get_ref() && entry.vary.is_empty()) {
+            let remedy = "nothing varies; give [[vary]], or leave this key away";
+            wrong.note(self.bad(asked.span().start, "indices", true, remedy));
+        }
+        let n_samples = entry.samples.as_ref().map_or(1, |s| *s.get_ref());
+        let byte = entry.samples.as_ref().map_or(0, |s| s.span().start);
+        // A sample of indices has two points side by side.
+        let n_dimensions = dimensions.len() * if indices { 2 } else { 1 };
+        let [most, most_dimensions] = SOBOL;
+        if entry.sequence == Sequence::Sobol && (n_samples > most || n_dimensions > most_dimensions) {
+            let value = format!("{n_samples} in {n_dimensions} dimensions");
+            let remedy = format!(
+                "the Sobol sequence has {most} samples in {most_dimensions} dimensions; give sequence = \"random\""
+            );
+            wrong.note(self.bad(byte, "samples", value, remedy));
+        }
+        if indices && n_samples < LEAST {
+            let remedy = format!("indices and how sure they are need {LEAST} samples at least");
+            wrong.note(self.bad(byte, "samples", n_samples, remedy));
         }
         let settings = self.settings(&entry.setting, wrong);
         for vary in entry.vary.iter().filter(|v| v.key.get_ref().starts_with("scene.")) {
@@ -313,7 +226,7 @@ impl Reader<'_> {
             kind: entry.run,
             scene,
             asked,
-            samples: entry.samples.as_ref().map_or(1, |s| *s.get_ref()),
+            samples: n_samples,
             sequence: entry.sequence,
             seed: entry.seed.unwrap_or(0),
             curves: entry.curves.unwrap_or(true),
@@ -321,6 +234,8 @@ impl Reader<'_> {
             subjects: subjects?,
             settings,
             dimensions,
+            groups: entry.vary.iter().map(|v| v.key.get_ref().clone()).collect(),
+            indices,
             data: self.data.map(Path::to_path_buf),
         };
         self.check_values(&study, &entry, wrong);
@@ -426,76 +341,41 @@ impl Reader<'_> {
         settings
     }
 
-    fn vary(&self, entry: &VaryEntry, muscles: &[String], wrong: &mut Mistakes) -> Vec<Dimension> {
+    fn vary(
+        &self,
+        entry: &VaryEntry,
+        group: usize,
+        muscles: &[String],
+        wrong: &mut Mistakes,
+    ) -> Vec<Dimension> {
         let (byte, key) = (entry.key.span().start, entry.key.get_ref());
         let targets = targets(key, muscles).unwrap_or_else(|remedy| {
             wrong.note(self.bad(byte, "key", format!("`{key}`"), remedy));
             Vec::new()
         });
-        let natural = match targets.first() {
-            Some(Target::Landmark(..)) => Some(0.0),
-            Some(Target::Strength(_)) => Some(1.0),
-            _ => None,
-        };
-        let bounds = [entry.low.unwrap_or(f64::NEG_INFINITY), entry.high.unwrap_or(f64::INFINITY)];
-        let mut need = |what: &str, why: String| wrong.note(self.bad(byte, what, "unusable", why));
-        if bounds[0] >= bounds[1] || entry.low.is_some_and(f64::is_nan) || entry.high.is_some_and(f64::is_nan)
-        {
-            need("low", format!("of `{key}`: `low` must be less than `high`"));
-            return Vec::new();
+        match entry.distribution(targets.first()) {
+            Ok(distribution) => {
+                let dimension = |target| Dimension { target, distribution: distribution.clone(), group };
+                targets.into_iter().map(dimension).collect()
+            }
+            Err((what, why)) => {
+                wrong.note(self.bad(byte, what, "unusable", format!("of `{key}`: {why}")));
+                Vec::new()
+            }
         }
-        let mean_and_sd =
-            entry.mean.or(natural).zip(entry.sd).filter(|(m, s)| m.is_finite() && s.is_finite());
-        let distribution = match (&entry.distribution, mean_and_sd) {
-            (DistributionName::Normal, Some((mean, sd))) => Distribution::Normal { mean, sd, bounds },
-            (DistributionName::Lognormal, Some((mean, sd))) if mean > 0.0 => {
-                Distribution::Lognormal { mean, sd, bounds }
-            }
-            (DistributionName::Lognormal, Some(_)) => {
-                need("mean", format!("of `{key}`: a log-normal number has a positive mean"));
-                return Vec::new();
-            }
-            (DistributionName::Normal | DistributionName::Lognormal, None) => {
-                need("distribution", format!("of `{key}`: give `mean` and `sd`"));
-                return Vec::new();
-            }
-            (DistributionName::Uniform, _) if bounds.iter().all(|b| b.is_finite()) => {
-                Distribution::Uniform { bounds }
-            }
-            (DistributionName::Uniform, _) => {
-                need("distribution", format!("of `{key}`: give `low` and `high`"));
-                return Vec::new();
-            }
-            (DistributionName::Choice, _) => match &entry.values {
-                Some(values) => Distribution::Choice { values: values.clone() },
-                None => {
-                    need("distribution", format!("of `{key}`: give `values`"));
-                    return Vec::new();
-                }
-            },
-        };
-        let is_group = matches!(targets.first(), Some(Target::Landmark(..) | Target::Strength(_)));
-        let least = if matches!(targets.first(), Some(Target::Strength(_))) { 0.0 } else { -f64::MAX };
-        if is_group && distribution.bounds().is_none_or(|[low, _]| low.is_finite() && low < least) {
-            need("low", format!("of `{key}`: numbers are wanted, of strengths none below 0"));
-            return Vec::new();
-        }
-        let distribution = match (targets.first(), distribution) {
-            // A muscle weaker than nothing is none: the tail is cut off.
-            (Some(Target::Strength(_)), Distribution::Normal { mean, sd, bounds: [low, high] }) => {
-                Distribution::Normal { mean, sd, bounds: [low.max(0.0), high] }
-            }
-            (_, other) => other,
-        };
-        targets.into_iter().map(|target| Dimension { target, distribution: distribution.clone() }).collect()
     }
 
     /// Values of all settings, and the middle and the bounds of what varies, each by itself on the first subject: what no run could take is named now.
     fn check_values(&self, study: &Study, entry: &StudyFile, wrong: &mut Mistakes) {
+        let base = Base {
+            trials: study.subjects.iter().map(|s| s.trial.as_ref()).collect(),
+            scene: study.scene.as_ref(),
+            data: study.data.as_deref(),
+        };
         let places = study.settings.iter().zip(&entry.setting);
         for (setting, given) in places {
             for (target, value) in &setting.keys {
-                if let Err(remedy) = study.takes(target, value) {
+                if let Err(remedy) = base.takes(target, value) {
                     let byte = given.name.span().start;
                     wrong.note(self.bad(byte, &target.column(), value, remedy));
                 }
@@ -511,7 +391,7 @@ impl Reader<'_> {
                 }
             }
             for value in tried {
-                if let Err(remedy) = study.takes(&dimension.target, &value) {
+                if let Err(remedy) = base.takes(&dimension.target, &value) {
                     let named = |v: &&VaryEntry| *v.key.get_ref() == dimension.target.column();
                     let byte = entry.vary.iter().find(named).map_or(0, |v| v.key.span().start);
                     wrong.note(self.bad(byte, &dimension.target.column(), value, remedy));
@@ -522,114 +402,9 @@ impl Reader<'_> {
     }
 }
 
-impl Study {
-    /// Whether a target takes a value, by itself.
-    fn takes(&self, target: &Target, value: &Value) -> Result<(), String> {
-        match target {
-            Target::Trial(key) => {
-                for subject in &self.subjects {
-                    let Some(trial) = &subject.trial else {
-                        return Err("the built-in walker has no trial file; name one as the subject".into());
-                    };
-                    let changes = crate::changes::Changes {
-                        trial: BTreeMap::from([(key.clone(), value.clone())]),
-                        ..Default::default()
-                    };
-                    let text = match shipped::text(trial) {
-                        Some(text) => text.to_string(),
-                        None => std::fs::read_to_string(trial).map_err(|e| e.to_string())?,
-                    };
-                    let changed = changes.trial_text(&text).map_err(|e| e.to_string())?;
-                    TrialFile::parse(trial, changed.as_bytes()).map_err(|e| said(&e))?;
-                }
-                Ok(())
-            }
-            Target::Scene(key) => {
-                let Some(scene) = &self.scene else { return Ok(()) };
-                let keys = BTreeMap::from([(key.clone(), value.clone())]);
-                scene_with(scene, &keys, self.data.as_deref()).map(|_| ()).map_err(|e| said(&e))
-            }
-            Target::Option(key) => set_option(&mut OptimizeOptions::default(), key, value),
-            Target::Landmark(..) | Target::Strength(_) => {
-                number(value).map(|_| ()).ok_or("give numbers".into())
-            }
-        }
-    }
-}
-
-/// What an error of a scene or trial says, without the place in a text that nobody wrote.
-pub(super) fn said(error: &InputError) -> String {
-    match error {
-        InputError::BadValue { remedy, .. } | InputError::Malformed { remedy, .. } => remedy.clone(),
-        InputError::Several(all) => all.iter().map(said).collect::<Vec<_>>().join("; "),
-        other => other.to_string(),
-    }
-}
-
-/// Names of the muscle lines, in the order of the model.
-pub fn muscle_lines() -> Vec<String> {
-    let mut table = csv::Reader::from_reader(include_str!("../../../gait-data/muscles.csv").as_bytes());
-    let column = table.headers().ok().and_then(|names| names.iter().position(|n| n == "name"));
-    let column = column.expect("built-in table");
-    table.records().map(|row| row.expect("built-in table")[column].to_string()).collect()
-}
-
-/// Kinds of keys that a run can take a value of.
-fn settable(keys: &'static [Key]) -> impl Iterator<Item = &'static Key> {
-    let in_list = |k: &Key| {
-        keys.iter().any(|s| matches!(s.kind, Kind::Sections) && k.path.starts_with(&format!("{}.", s.path)))
-    };
-    keys.iter().filter(move |k| !k.is_section() && !in_list(k))
-}
-
-/// What a key means; an error names what may be meant.
-pub(super) fn known_key(key: &str) -> Result<Target, String> {
-    /// Begin of a key, what may follow it, and what it sets.
-    type Space = (&'static str, &'static [Key], fn(String) -> Target);
-    let spaces: [Space; 3] = [
-        ("trial", trial_file::KEYS, Target::Trial),
-        ("scene", SCENE_KEYS, Target::Scene),
-        ("optimize", OPTIONS, Target::Option),
-    ];
-    let all = || {
-        spaces.iter().flat_map(|(space, keys, _)| settable(keys).map(move |k| format!("{space}.{}", k.path)))
-    };
-    for (space, keys, target) in spaces {
-        let Some(path) = key.strip_prefix(space).and_then(|rest| rest.strip_prefix('.')) else { continue };
-        if settable(keys).any(|k| k.path == path) || (space == "scene" && is_in_named_element(path)) {
-            return Ok(target(path.to_string()));
-        }
-    }
-    let groups = ["landmarks", "strengths"].map(String::from);
-    let candidates: Vec<String> = all().chain(groups).collect();
-    let ends_alike = || candidates.iter().find(|c| c.rsplit('.').next() == key.rsplit('.').next()).cloned();
-    let meant = nearest(key, candidates.iter().map(String::as_str)).or_else(ends_alike);
-    let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-    let space = key.split('.').next().unwrap_or("");
-    let known: Vec<String> = all().filter(|c| c.split('.').next() == Some(space)).collect();
-    Err(match known.is_empty() {
-        true => format!("{meant}keys begin with trial, scene or optimize, or are landmarks or strengths"),
-        false => format!("{meant}known are {}", known.join(", ")),
-    })
-}
-
-/// Whether a key of the scene is one of a named element of a list: `step.heel_strike.knee_flexion_deg`.
-fn is_in_named_element(path: &str) -> bool {
-    ["step", "materials.muscle"].iter().any(|list| {
-        let rest = path.strip_prefix(list).and_then(|rest| rest.strip_prefix('.'));
-        let key = rest.and_then(|rest| rest.split_once('.')).map(|(_, key)| format!("{list}.{key}"));
-        key.is_some_and(|key| !key.ends_with(".name") && SCENE_KEYS.iter().any(|k| k.path == key))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_field_has_a_row_and_every_row_a_field() {
-        assert_eq!(multibody::keys::differences::<StudyFile>(KEYS), Vec::<String>::new());
-    }
 
     const TEXT: &str = "samples = 8\n\n[[setting]]\nname = \"force\"\n\n[[setting]]\nname = \"activation\"\nkeys = { \"optimize.cost\" = \"activation\" }\n\n[[vary]]\nkey = \"landmarks\"\ndistribution = \"normal\"\nsd = 5.0\n\n[[vary]]\nkey = \"strengths\"\ndistribution = \"normal\"\nsd = 0.2\n";
 

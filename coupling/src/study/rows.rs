@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::file::Study;
-use super::run::{Done, RunStatus};
+use super::indices::{Index, index};
+use super::run::{Done, RunStatus, Set};
 
 /// A value of what varies.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +26,8 @@ pub struct Row {
     pub setting: usize,
     /// Which sample.
     pub sample: usize,
+    /// Whose values of the sample.
+    pub set: Set,
     /// How it ended.
     pub status: RunStatus,
     /// Why, when it is not solved.
@@ -93,6 +96,35 @@ impl Rows {
         self.done().filter(|(_, row)| row.status == RunStatus::Solved).count()
     }
 
+    /// Sobol indices of every number by subject, setting and group, where the study asks for them.
+    pub fn indices(&self, study: &Study) -> Vec<OfGroup> {
+        let mut all = Vec::new();
+        if !study.indices {
+            return all;
+        }
+        for number in 0..self.numbers.len() {
+            for subject in 0..study.subjects.len() {
+                for setting in 0..study.settings.len() {
+                    let value = |sample: usize, set: Set| {
+                        let row = self.runs[study.run(sample, set, subject, setting)].as_ref()?;
+                        self.number(row, number).filter(|_| row.status == RunStatus::Solved)
+                    };
+                    let of_sample = |sample: usize| {
+                        study.sets().map(|set| value(sample, set)).collect::<Option<Vec<f64>>>()
+                    };
+                    let solved: Vec<Vec<f64>> = (0..study.samples).filter_map(of_sample).collect();
+                    let column = |k: usize| solved.iter().map(|values| values[k]).collect::<Vec<f64>>();
+                    let (first, second) = (column(0), column(1));
+                    for group in 0..study.groups.len() {
+                        let Some(index) = index(&first, &second, &column(2 + group)) else { continue };
+                        all.push(OfGroup { number, subject, setting, group, samples: solved.len(), index });
+                    }
+                }
+            }
+        }
+        all
+    }
+
     /// Why runs have no results, the most frequent first.
     pub fn failures(&self) -> Vec<Failure> {
         let mut found: Vec<Failure> = Vec::new();
@@ -119,6 +151,7 @@ impl Row {
             subject: task.subject,
             setting: task.setting,
             sample: task.sample,
+            set: task.set,
             status: done.status,
             reason: done.reason,
             seconds: done.seconds,
@@ -126,6 +159,23 @@ impl Row {
             numbers,
         }
     }
+}
+
+/// The index of one number, of one subject and setting, for one group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OfGroup {
+    /// Place in [`Rows::numbers`].
+    pub number: usize,
+    /// Place in [`Study::subjects`].
+    pub subject: usize,
+    /// Place in [`Study::settings`].
+    pub setting: usize,
+    /// Place in [`Study::groups`].
+    pub group: usize,
+    /// Samples of which all sets are solved; the others are left out.
+    pub samples: usize,
+    /// The index.
+    pub index: Index,
 }
 
 /// Runs without results for one reason.

@@ -16,11 +16,12 @@ use toml::Value;
 
 use super::file::Study;
 use super::vary::{Target, number};
-use crate::changes::{Changes, scene_with, set_option};
+use crate::changes::{Changes, scene_with};
 use crate::comparison::{Prepared, Sized};
 use crate::configuration::Configuration;
 use crate::error::CouplingError;
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
+use crate::options::set_option;
 use crate::scene::Scene;
 
 /// Folder of the runs.
@@ -71,6 +72,9 @@ pub struct Done {
     pub setting: String,
     /// Which sample.
     pub sample: usize,
+    /// Whose values of the sample, where it has several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub set: Option<String>,
     /// How it ended.
     pub status: RunStatus,
     /// Why, when it is not solved.
@@ -83,6 +87,45 @@ pub struct Done {
     pub seconds: f64,
 }
 
+/// Whose values of a sample a run takes. Without [indices](Study::indices) there is the first set alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Set {
+    /// One draw of everything that varies.
+    First,
+    /// Another, independent of it.
+    Second,
+    /// The first one with a group of the second, by its place in [`Study::groups`].
+    Exchanged(usize),
+}
+
+impl Set {
+    /// Place among the sets of a sample.
+    fn place(self) -> usize {
+        match self {
+            Set::First => 0,
+            Set::Second => 1,
+            Set::Exchanged(group) => 2 + group,
+        }
+    }
+
+    fn at(place: usize) -> Set {
+        match place {
+            0 => Set::First,
+            1 => Set::Second,
+            _ => Set::Exchanged(place - 2),
+        }
+    }
+
+    /// Whether it takes values of a group from the second draw.
+    fn is_second(self, group: usize) -> bool {
+        match self {
+            Set::First => false,
+            Set::Second => true,
+            Set::Exchanged(exchanged) => exchanged == group,
+        }
+    }
+}
+
 /// What a run takes.
 pub struct Task {
     /// Place in [`Study::subjects`].
@@ -91,6 +134,8 @@ pub struct Task {
     pub setting: usize,
     /// Sample.
     pub sample: usize,
+    /// Whose values of it.
+    pub set: Set,
     /// Value of every dimension.
     pub values: Vec<Value>,
 }
@@ -98,16 +143,40 @@ pub struct Task {
 impl Study {
     /// What a run takes: runs of a sample lie together, so that a study that was broken off has whole samples.
     pub fn task(&self, run: usize) -> Task {
-        let (subjects, settings) = (self.subjects.len(), self.settings.len());
-        let sample = run / (subjects * settings);
+        let (subjects, settings, sets) = (self.subjects.len(), self.settings.len(), self.n_sets());
+        let sample = run / (sets * subjects * settings);
+        let set = Set::at(run / (subjects * settings) % sets);
         let value = |(k, d): (usize, &super::vary::Dimension)| {
-            d.distribution.value(self.sequence.point(self.seed, sample, k))
+            // The second draw has coordinates of its own.
+            let coordinate = if set.is_second(d.group) { self.dimensions.len() + k } else { k };
+            d.distribution.value(self.sequence.point(self.seed, sample, coordinate))
         };
         Task {
             subject: run / settings % subjects,
             setting: run % settings,
             sample,
+            set,
             values: self.dimensions.iter().enumerate().map(value).collect(),
+        }
+    }
+
+    /// Number of the run that takes these; the places are those in the lists of the study.
+    pub fn run(&self, sample: usize, set: Set, subject: usize, setting: usize) -> usize {
+        ((sample * self.n_sets() + set.place()) * self.subjects.len() + subject) * self.settings.len()
+            + setting
+    }
+
+    /// Sets of every sample, in the order of the runs.
+    pub fn sets(&self) -> impl Iterator<Item = Set> + use<> {
+        (0..self.n_sets()).map(Set::at)
+    }
+
+    /// Name of a set in the table.
+    pub fn set_name(&self, set: Set) -> &str {
+        match set {
+            Set::First => "first",
+            Set::Second => "second",
+            Set::Exchanged(group) => &self.groups[group],
         }
     }
 
@@ -174,6 +243,7 @@ impl Study {
             subject: self.subjects[task.subject].name.clone(),
             setting: self.settings[task.setting].name.clone(),
             sample: task.sample,
+            set: self.indices.then(|| self.set_name(task.set).to_string()),
             status: RunStatus::Solved,
             reason: None,
             values: values.collect(),
@@ -209,7 +279,7 @@ impl Study {
         }
         let Some(base) = &self.scene else { return Ok((options, None)) };
         let scene = scene_with(base, &of_scene, self.data.as_deref());
-        let mut scene = scene.map_err(|e| CouplingError::Option(super::file::said(&e)))?;
+        let mut scene = scene.map_err(|e| CouplingError::Option(super::admissible::said(&e)))?;
         scene.trial.clone_from(&options.trial);
         Ok((options, Some(scene)))
     }

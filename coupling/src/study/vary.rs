@@ -2,7 +2,6 @@
 //!
 //! A point is a function of seed, sample and dimension alone, so that any process draws the same run.
 
-use multibody::calibration::shifts::LANDMARKS;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use statrs::distribution::{ContinuousCDF, LogNormal, Normal};
@@ -163,31 +162,8 @@ pub struct Dimension {
     pub target: Target,
     /// How its values are distributed.
     pub distribution: Distribution,
-}
-
-/// What a key of `[[vary]]` stands for; an error says what may be meant. `muscles`: names of the muscle lines.
-pub fn targets(key: &str, muscles: &[String]) -> Result<Vec<Target>, String> {
-    let (name, rest) = key.split_once('.').map_or((key, None), |(name, rest)| (name, Some(rest)));
-    let of_landmark = |name: &'static str| (0..3).map(move |axis| Target::Landmark(name, axis));
-    match (name, rest) {
-        ("landmarks", None) => Ok(LANDMARKS.iter().flat_map(|name| of_landmark(name)).collect()),
-        ("landmarks", Some(given)) => match LANDMARKS.iter().find(|name| **name == given) {
-            Some(name) => Ok(of_landmark(name).collect()),
-            None => Err(unknown(given, "landmarks", LANDMARKS.iter().copied())),
-        },
-        ("strengths", None) => Ok(muscles.iter().cloned().map(Target::Strength).collect()),
-        ("strengths", Some(given)) => match muscles.iter().any(|m| m == given) {
-            true => Ok(vec![Target::Strength(given.into())]),
-            false => Err(unknown(given, "muscle lines", muscles.iter().map(String::as_str))),
-        },
-        _ => super::file::known_key(key).map(|target| vec![target]),
-    }
-}
-
-fn unknown<'a>(given: &str, what: &str, all: impl Iterator<Item = &'a str> + Clone) -> String {
-    let meant = multibody::error::nearest(given, all.clone());
-    let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-    format!("{meant}{what} are {}", all.collect::<Vec<_>>().join(", "))
+    /// Which `[[vary]]` it is of.
+    pub group: usize,
 }
 
 #[cfg(test)]

@@ -17,12 +17,12 @@ use super::progress::Progress;
 use super::scenes::{read_scene, scenes};
 use super::{Outcome, tell};
 use crate::error::CommandError;
+use coupling::comparison::{Prepared, STAGES, Sized};
 use coupling::configuration::Configuration;
 use coupling::error::CouplingError;
 use coupling::fibres::WrittenCalibration;
 use coupling::scene::Fibres;
 use coupling::session::{RigidSide, ThighSide};
-use coupling::comparison::{Prepared, STAGES, Sized};
 
 #[derive(Args)]
 pub struct ExportArguments {

@@ -16,7 +16,7 @@ use crate::output::atomic::OutputFolder;
 use crate::output::claim::Claim;
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
-use crate::output::study::{write_csv, write_parquet, write_seconds};
+use crate::output::study::{write_csv, write_indices, write_parquet, write_seconds};
 use crate::report::study::{StudyReport, study_page};
 use coupling::study::Study;
 use coupling::study::rows::Rows;
@@ -149,9 +149,13 @@ pub fn collect(
     let clock = Instant::now();
     let folder = out.path().to_path_buf();
     let rows = Rows::read(study, key, &folder);
-    let report = StudyReport::new(study, &rows, &folder);
+    let indices = rows.indices(study);
+    let report = StudyReport::new(study, &rows, &indices, &folder);
     out.write("table.csv", |w| write_csv(w, study, &rows))?;
     out.write("table.parquet", |w| write_parquet(w, study, &rows))?;
+    if study.indices {
+        out.write("indices.csv", |w| write_indices(w, study, &rows, &indices))?;
+    }
     out.write("seconds.csv", |w| write_seconds(w, &rows))?;
     let page = study_page(&report);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;

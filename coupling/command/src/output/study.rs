@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use coupling::study::Study;
-use coupling::study::rows::{Cell, Row, Rows};
+use coupling::study::rows::{Cell, OfGroup, Row, Rows};
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::file::properties::WriterProperties;
@@ -14,8 +14,25 @@ use parquet::schema::types::Type;
 
 use super::tables::cell;
 
-/// Columns that say which run a row is, and how it ended.
-const WHICH: [&str; 6] = ["run", "subject", "setting", "sample", "status", "reason"];
+/// Columns that say which run a row is.
+const WHICH: [&str; 4] = ["run", "subject", "setting", "sample"];
+/// Column that says whose values of the sample they are, where it has several.
+const SET: &str = "set";
+/// Columns that say how a run ended.
+const ENDED: [&str; 2] = ["status", "reason"];
+
+/// Columns of `indices.csv`.
+const INDEX_COLUMNS: [&str; 9] = [
+    "number",
+    "subject",
+    "setting",
+    "vary",
+    "samples",
+    "first_order",
+    "first_order_error",
+    "total",
+    "total_error",
+];
 
 /// Status of a run that is not done.
 const MISSING: &str = "missing";
@@ -24,7 +41,8 @@ const MISSING: &str = "missing";
 pub fn write_csv(w: &mut dyn Write, study: &Study, rows: &Rows) -> io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
     let names = rows.inputs.iter().chain(&rows.numbers).map(String::as_str);
-    csv.write_record(WHICH.into_iter().chain(names))?;
+    let set = study.indices.then_some(SET);
+    csv.write_record(WHICH.into_iter().chain(set).chain(ENDED).chain(names))?;
     for (run, row) in rows.runs.iter().enumerate() {
         let of = |f: &dyn Fn(&Row) -> String| row.as_ref().map_or(String::new(), f);
         let which = [
@@ -32,9 +50,9 @@ pub fn write_csv(w: &mut dyn Write, study: &Study, rows: &Rows) -> io::Result<()
             of(&|r| study.subjects[r.subject].name.clone()),
             of(&|r| study.settings[r.setting].name.clone()),
             of(&|r| r.sample.to_string()),
-            status(row.as_ref()).to_string(),
-            of(&|r| r.reason.clone().unwrap_or_default()),
         ];
+        let set = study.indices.then(|| of(&|r| study.set_name(r.set).to_string()));
+        let ended = [status(row.as_ref()).to_string(), of(&|r| r.reason.clone().unwrap_or_default())];
         let inputs = (0..rows.inputs.len()).map(|k| {
             of(&|r| match &r.values[k] {
                 Cell::Number(number) => cell(*number),
@@ -43,7 +61,7 @@ pub fn write_csv(w: &mut dyn Write, study: &Study, rows: &Rows) -> io::Result<()
         });
         let number = |k: usize| row.as_ref().and_then(|r| rows.number(r, k));
         let numbers = (0..rows.numbers.len()).map(|k| number(k).map_or(String::new(), cell));
-        csv.write_record(which.into_iter().chain(inputs).chain(numbers))?;
+        csv.write_record(which.into_iter().chain(set).chain(ended).chain(inputs).chain(numbers))?;
     }
     csv.flush()
 }
@@ -56,6 +74,27 @@ fn status(row: Option<&Row>) -> &'static str {
 pub fn write_seconds(w: &mut dyn Write, rows: &Rows) -> io::Result<()> {
     writeln!(w, "run,seconds")?;
     rows.done().try_for_each(|(run, row)| writeln!(w, "{run},{}", cell(row.seconds)))
+}
+
+/// `indices.csv`: Sobol indices with their standard errors.
+pub fn write_indices(w: &mut dyn Write, study: &Study, rows: &Rows, indices: &[OfGroup]) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(w);
+    csv.write_record(INDEX_COLUMNS)?;
+    for of in indices {
+        let [first, total] = [of.index.first, of.index.total].map(|pair| pair.map(cell));
+        csv.write_record([
+            rows.numbers[of.number].as_str(),
+            &study.subjects[of.subject].name,
+            &study.settings[of.setting].name,
+            &study.groups[of.group],
+            &of.samples.to_string(),
+            &first[0],
+            &first[1],
+            &total[0],
+            &total[1],
+        ])?;
+    }
+    csv.flush()
 }
 
 /// A column of the Parquet table.
@@ -90,9 +129,13 @@ fn columns<'a>(study: &'a Study, rows: &'a Rows) -> Vec<(String, Column)> {
         ("subject".into(), word(&|r| Some(&study.subjects[r.subject].name))),
         ("setting".into(), word(&|r| Some(&study.settings[r.setting].name))),
         ("sample".into(), Column::Count(runs().map(|r| Some(r?.sample as i64)).collect())),
-        ("status".into(), Column::Word(runs().map(|r| Some(ByteArray::from(status(r)))).collect())),
-        ("reason".into(), word(&|r| r.reason.as_deref())),
     ];
+    if study.indices {
+        columns.push((SET.into(), word(&|r| Some(study.set_name(r.set)))));
+    }
+    let statuses = runs().map(|r| Some(ByteArray::from(status(r)))).collect();
+    columns.push(("status".into(), Column::Word(statuses)));
+    columns.push(("reason".into(), word(&|r| r.reason.as_deref())));
     for (k, name) in rows.inputs.iter().enumerate() {
         let is_word = runs().flatten().any(|r| matches!(r.values[k], Cell::Word(_)));
         let column = match is_word {

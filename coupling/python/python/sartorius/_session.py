@@ -95,7 +95,7 @@ class Session:
 
     def set_poses(self, poses: Any) -> None:
         """Poses of all bones from the next solution on: array [bones, 7], translation x, y, z [m] and unit quaternion w, x, y, z."""
-        self._core.set_poses(np.ascontiguousarray(poses, dtype=float))
+        self._core.set_poses(np.asarray(poses, dtype=float).tolist())
 
     def set_activations(self, activations: Any) -> None:
         """Activations of all muscles from the next solution on: array [muscles], or a mapping from muscle to activation (others: 0)."""
@@ -104,12 +104,12 @@ class Session:
             if unknown:
                 raise _core.InputError(f"activations: there is no muscle {', '.join(unknown)}; there are {', '.join(self.muscles)}")
             activations = [activations.get(name, 0.0) for name in self.muscles]
-        self._core.set_activations(np.ascontiguousarray(activations, dtype=float))
+        self._core.set_activations(np.asarray(activations, dtype=float).tolist())
 
     def set_twists(self, twists: Any) -> None:
         """How the bones move with the joint coordinates: array [bones, coordinates, 6], velocity at the hip centre of the mesh and angular
         velocity. Lever arms and moments are nothing until this is known."""
-        self._core.set_twists(np.ascontiguousarray(twists, dtype=float))
+        self._core.set_twists(np.asarray(twists, dtype=float).tolist())
 
     def solve(self) -> None:
         """Goes to the equilibrium under the poses and activations that were set.

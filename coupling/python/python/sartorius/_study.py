@@ -49,6 +49,11 @@ class StudyResult:
             return read_csv(self.folder / "table.csv")
 
     @property
+    def indices(self) -> Any:
+        """Sobol indices of every number with their standard errors, where the study asks for them (`indices = true`)."""
+        return read_csv(self.folder / "indices.csv")
+
+    @property
     def seconds(self) -> Any:
         """What every run took [s]."""
         return read_csv(self.folder / "seconds.csv")

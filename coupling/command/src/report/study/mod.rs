@@ -6,8 +6,9 @@ use std::path::Path;
 
 use coupling::number::{fixed, significant};
 use coupling::study::Study;
-use coupling::study::rows::{Cell, Row, Rows};
-use coupling::study::run::{Curves, RunStatus};
+use coupling::study::indices::NINETEEN_OF_TWENTY;
+use coupling::study::rows::{Cell, OfGroup, Row, Rows};
+use coupling::study::run::{Curves, RunStatus, Set};
 use coupling::study::statistics::{BAND, chance, mean_and_sd, percentiles, rank_correlation, resampled};
 
 use super::page::{document, grid, section, table};
@@ -33,6 +34,7 @@ const DOTS: usize = 2000;
 pub struct StudyReport<'a> {
     study: &'a Study,
     rows: &'a Rows,
+    indices: &'a [OfGroup],
     out: &'a Path,
 }
 
@@ -46,15 +48,17 @@ struct Follows {
 
 impl<'a> StudyReport<'a> {
     /// Of a study and what is done of it below `out`.
-    pub fn new(study: &'a Study, rows: &'a Rows, out: &'a Path) -> StudyReport<'a> {
-        StudyReport { study, rows, out }
+    pub fn new(study: &'a Study, rows: &'a Rows, indices: &'a [OfGroup], out: &'a Path) -> StudyReport<'a> {
+        StudyReport { study, rows, indices, out }
     }
 
-    /// Solved runs of a subject and a setting, with their numbers in the study; of all subjects where none is given.
+    /// Solved runs of a subject and a setting, with their numbers in the study; of all subjects where none is given. Those with exchanged values are in the
+    /// indices alone: they hang on others.
     fn solved(&self, subject: Option<usize>, setting: usize) -> Vec<(usize, &'a Row)> {
         let wanted = |(_, row): &(usize, &Row)| {
             row.status == RunStatus::Solved
                 && row.setting == setting
+                && !matches!(row.set, Set::Exchanged(_))
                 && subject.is_none_or(|s| row.subject == s)
         };
         self.rows.done().filter(wanted).collect()
@@ -116,12 +120,13 @@ pub fn study_page(report: &StudyReport) -> String {
     let (all, solved) = (study.n_runs(), rows.solved());
     let class = if solved == all { "verdict" } else { "verdict bad" };
     let mut body = format!(
-        "<header><p class=\"eyebrow\">Study</p><h1>{}</h1></header>\n<p class=\"{class}\"><b>{solved} of {all} runs solved</b><span>{} subjects, {} settings, {} samples of {} dimensions</span></p>\n",
+        "<header><p class=\"eyebrow\">Study</p><h1>{}</h1></header>\n<p class=\"{class}\"><b>{solved} of {all} runs solved</b><span>{} subjects, {} settings, {} samples of {} dimensions{}</span></p>\n",
         escape(&study.name),
         study.subjects.len(),
         study.settings.len(),
         study.samples,
-        study.dimensions.len()
+        study.dimensions.len(),
+        if study.indices { format!(", {} sets of values each", study.n_sets()) } else { String::new() }
     );
     body += &section("Runs", "", &runs(report));
     if solved < all {
@@ -134,6 +139,10 @@ pub fn study_page(report: &StudyReport) -> String {
     if study.curves && study.scene.is_none() {
         let lead = "Line: median of the solved runs. Dark: half of all runs. Light: nine tenths.";
         body += &section("Bands", lead, &band_figures(report));
+    }
+    if study.indices {
+        let lead = "Sobol indices: the part of the variance of a number that comes from what varies, by itself (first order) and with all that it does together with others (total). Behind ± is half a 95 % confidence interval. Runs with exchanged values count here alone.";
+        body += &section("Where the scatter comes from", lead, &parts(report, &numbers));
     }
     if !rows.inputs.is_empty() {
         let followed = report.followed(&numbers);
@@ -154,10 +163,11 @@ fn runs(report: &StudyReport) -> String {
                 own.filter(|(_, row)| status.is_none_or(|s| row.status == s)).count()
             };
             let statuses = [RunStatus::NotConverged, RunStatus::Refused, RunStatus::Killed];
-            let mut cells = vec![subject.name.clone(), setting.name.clone(), study.samples.to_string()];
+            let runs = study.samples * study.n_sets();
+            let mut cells = vec![subject.name.clone(), setting.name.clone(), runs.to_string()];
             cells.extend([of(Some(RunStatus::Solved)).to_string()]);
             cells.extend(statuses.map(|s| of(Some(s)).to_string()));
-            cells.push((study.samples - of(None)).to_string());
+            cells.push((runs - of(None)).to_string());
             lines.push(cells);
         }
     }
@@ -251,6 +261,39 @@ fn band(runs: &[Curves], name: &str) -> Vec<Option<[f64; 5]>> {
     };
     let curves: Vec<Vec<f64>> = runs.iter().filter_map(resample).collect();
     (0..INSTANTS).map(|i| percentiles(&curves.iter().map(|c| c[i]).collect::<Vec<f64>>(), BAND)).collect()
+}
+
+/// Sobol indices of the numbers that the page tells of, a column per `[[vary]]`.
+fn parts(report: &StudyReport, numbers: &[usize]) -> String {
+    let StudyReport { study, rows, .. } = report;
+    let mut lines = Vec::new();
+    for &number in numbers {
+        for (k, subject) in study.subjects.iter().enumerate() {
+            for (j, setting) in study.settings.iter().enumerate() {
+                let is_of = |of: &&OfGroup| of.number == number && of.subject == k && of.setting == j;
+                let own: Vec<&OfGroup> = report.indices.iter().filter(is_of).collect();
+                let Some(samples) = own.first().map(|of| of.samples) else { continue };
+                let mut cells = vec![
+                    rows.numbers[number].replace('_', " "),
+                    subject.name.clone(),
+                    setting.name.clone(),
+                    samples.to_string(),
+                ];
+                let shown = |[value, error]: [f64; 2]| {
+                    format!("{} ± {}", fixed(value, 2), fixed(NINETEEN_OF_TWENTY * error, 2))
+                };
+                cells.extend(own.iter().flat_map(|of| [of.index.first, of.index.total].map(shown)));
+                lines.push(cells);
+            }
+        }
+    }
+    if lines.is_empty() {
+        return "<p>Too few samples are solved, or no number varies.</p>".into();
+    }
+    let columns = study.groups.iter().flat_map(|g| [format!("{g}, alone"), format!("{g}, with others")]);
+    let header: Vec<String> =
+        ["number", "subject", "setting", "samples"].map(String::from).into_iter().chain(columns).collect();
+    table(&header.iter().map(String::as_str).collect::<Vec<_>>(), 3, &lines)
 }
 
 fn sensitivity(report: &StudyReport, numbers: &[usize], followed: &[Follows]) -> String {
