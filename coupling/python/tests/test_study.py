@@ -2,7 +2,6 @@
 
 import os
 import signal
-import threading
 import time
 
 import pandas as pd
@@ -48,24 +47,21 @@ def test_dask_and_this_machine_make_the_same_table(study_file, tmp_path, cluster
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_a_killed_worker_loses_nothing_and_doubles_nothing(tmp_path, cluster):
     file = tmp_path / "many.toml"
-    file.write_text(STUDY.replace("samples = 6", "samples = 60"))
+    file.write_text(STUDY.replace("samples = 6", "samples = 20"))
     whole = sartorius.study(file, out=tmp_path / "whole", workers=2)
     killed = []
 
-    def kill():
-        time.sleep(0.5)
-        pids = [worker.pid for worker in cluster.workers.values()]
-        os.kill(pids[0], signal.SIGKILL)
-        killed.append(pids[0])
+    def kill(done, of):
+        if done == 5:
+            killed.append(next(iter(cluster.workers.values())).pid)
+            os.kill(killed[0], signal.SIGKILL)
 
-    killer = threading.Thread(target=kill)
     with distributed.Client(cluster) as client:
         client.wait_for_workers(2)
-        killer.start()
-        dask = sartorius.study(file, out=tmp_path / "dask", scheduler=client)
-        killer.join()
+        dask = sartorius.study(file, out=tmp_path / "dask", scheduler=client, progress=kill)
+        client.wait_for_workers(2, timeout=60)
         assert killed and all(worker.pid != killed[0] for worker in cluster.workers.values())
-    assert dask.done == 120
+    assert dask.done == 40
     assert (whole.folder / "table.csv").read_bytes() == (dask.folder / "table.csv").read_bytes()
 
 

@@ -8,19 +8,25 @@ from typing import Any, Mapping
 
 import numpy as np
 
-try:
-    import pandas
-except ImportError:  # tables are dictionaries of columns then
-    pandas = None
+
+def _pandas() -> Any:
+    """pandas, or `None`: tables are dictionaries of columns then. Not loaded before there is a table, as it takes longer than most commands."""
+    try:
+        import pandas
+    except ImportError:
+        return None
+    return pandas
 
 
 def table(columns: Mapping[str, Any]) -> Any:
     """A `pandas.DataFrame` of the columns; a dictionary of them where pandas is not installed."""
+    pandas = _pandas()
     return dict(columns) if pandas is None else pandas.DataFrame(dict(columns))
 
 
 def read_csv(file: Path) -> Any:
     """The table in a CSV file; numbers read back to the last bit."""
+    pandas = _pandas()
     if pandas is not None:
         # What pandas 3 does by itself.
         exact = {"float_precision": "round_trip"} if int(pandas.__version__.split(".")[0]) < 3 else {}
