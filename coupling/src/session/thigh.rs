@@ -1,7 +1,7 @@
 //! The deformable thigh by itself.
 
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use fem::measure::body_wrenches;
 use fem::plan::{Load, Plan};
@@ -35,9 +35,6 @@ pub struct ThighSide {
     /// Muscles that are sewn together.
     units: Vec<Vec<usize>>,
     key: String,
-    /// Held by the session that computes. Contact keeps what is near under a lock of the plan while it works in parallel; a second session of
-    /// the same plan, taken up by a waiting worker, would wait for that lock for ever. One at a time has all cores anyway.
-    busy: Mutex<()>,
 }
 
 /// What is given.
@@ -143,7 +140,7 @@ impl ThighSide {
         };
         let settings = settings_of(scene, configuration);
         let key = lasting_hash(&plan.mesh, &format!("{:?}{settings:?}", thigh.scene));
-        Ok(ThighSide { prepared, thigh, calibration, plan, settings, units, key, busy: Mutex::new(()) })
+        Ok(ThighSide { prepared, thigh, calibration, plan, settings, units, key })
     }
 
     /// What was found when the fibres were calibrated.
@@ -180,12 +177,6 @@ impl ThighSide {
             Fibres::Thermal => [0.0, 1.0_f64.next_down()],
             Fibres::None => [0.0, 0.0],
         }
-    }
-
-    /// Waits until no other session computes.
-    fn alone(&self) -> MutexGuard<'_, ()> {
-        // It guards no data that a panic could leave half done.
-        self.busy.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Says which thigh a state is of.
@@ -292,7 +283,6 @@ impl ThighSession {
     /// error says why.
     pub fn solve(&mut self) -> Result<(), CouplingError> {
         let side = self.side.clone();
-        let _alone = side.alone();
         let (scene, steps) = (&side.prepared.scene, &side.prepared.steps);
         let poses = self.state.inputs.poses.map(|p| as_pose(&p).expect("poses were examined"));
         let moved = moves(steps, scene.stress_free, &poses);
@@ -336,7 +326,6 @@ impl ThighSession {
     /// Wrench of the tissue on each bone by its own twist, all other bones held and all muscles in equilibrium: rows force \[N\] and moment
     /// about the hip centre of the mesh \[N·m\], columns translation \[m\] and rotation about the hip centre \[rad\].
     pub fn stiffness(&self) -> Result<[[[f64; 6]; 6]; BODIES.len()], CouplingError> {
-        let _alone = self.side.alone();
         let frame = self.frame();
         let hip = self.side.prepared.registration.frames().hip;
         let mut all = [[[0.0; 6]; 6]; BODIES.len()];
@@ -389,7 +378,6 @@ impl ThighSession {
     }
 
     fn measure(&self) -> ThighResult {
-        let _alone = self.side.alone();
         let (side, frame, inputs) = (&self.side, self.frame(), &self.state.inputs);
         let hip = side.prepared.registration.frames().hip;
         let twists = VirtualTwists::given(&inputs.twists, hip);

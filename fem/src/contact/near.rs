@@ -21,6 +21,7 @@ use crate::geometry::closest::{feature, point_triangle};
 use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::sync::MutexGuard;
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
@@ -80,7 +81,11 @@ impl Contact {
 
     /// Forgets what earlier searches have found.
     pub(super) fn forget_near(&self) {
-        *self.memory.lock().expect("no thread panics while it holds the memory") = Memory::default();
+        *self.held() = Memory::default();
+    }
+
+    fn held(&self) -> MutexGuard<'_, Memory> {
+        self.memory.lock().expect("no thread panics while it holds the memory")
     }
 
     /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
@@ -99,9 +104,24 @@ impl Contact {
         view: f64,
         aside: f64,
     ) -> Vec<Near> {
+        let mut memory = std::mem::take(&mut *self.held());
+        let found = self.found(p, primitives, least, view, aside, &mut memory);
+        *self.held() = memory;
+        found
+    }
+
+    /// The same, with what `memory` holds, where what was found is kept.
+    fn found(
+        &self,
+        p: &[Vector3<f64>],
+        primitives: Primitives,
+        least: &(dyn Fn(usize, usize) -> f64 + Sync),
+        view: f64,
+        aside: f64,
+        memory: &mut Memory,
+    ) -> Vec<Near> {
         let all = &self.surfaces;
         let every = primitives > Primitives::Corners;
-        let mut memory = self.memory.lock().expect("no thread panics while it holds the memory");
         if memory.range != [view, aside] {
             *memory = Memory { range: [view, aside], p: p.to_vec(), ..Memory::default() };
             memory.corners.resize_with(p.len(), Vec::new);
@@ -122,7 +142,7 @@ impl Contact {
             Search { contact: self, p, view, aside, moved, ways, normals: self.normals(p), fitted, boxes };
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
-        let Memory { corners, others, .. } = &mut *memory;
+        let Memory { corners, others, .. } = memory;
         let of_corners = each(corners, |point, seen| match all.is_corner(point as u32) {
             true => search.from(point, least, farther, &[], seen),
             false => Vec::new(),
