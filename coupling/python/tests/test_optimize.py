@@ -1,8 +1,10 @@
 """The rigid leg: the numbers of the command, its words, and what the package promises around them."""
 
+import ast
 import doctest
 import inspect
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -92,3 +94,16 @@ def test_help_is_enough_to_use_it():
     tried = doctest.run_docstring_examples  # the examples of the help are run
     failed = doctest.testmod(sartorius._optimize).failed + doctest.testmod(sartorius).failed
     assert tried and failed == 0
+
+
+def test_stubs_name_what_is_there_and_nothing_else():
+    core = sartorius._core
+    tree = ast.parse((Path(sartorius.__file__).parent / "_core.pyi").read_text())
+    public = lambda names: {name for name in names if not name.startswith("_")}
+    functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    assert public(dir(core)) == functions | set(classes)
+    for name, node in classes.items():
+        if not issubclass(getattr(core, name), Exception):
+            written = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
+            assert public(dir(getattr(core, name))) == public(written), name

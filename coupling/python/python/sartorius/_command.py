@@ -49,11 +49,12 @@ def run(
     """
     command = [sys.executable, "-m", "sartorius", *options(threads=threads), *words]
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stderr is not None  # both are pipes
     said: list[str] = []
     try:
         # Read beside standard error: a pipe that nobody empties stops the process.
         out: list[str] = []
-        reader = threading.Thread(target=lambda: out.append(process.stdout.read()), daemon=True)
+        reader = threading.Thread(target=lambda pipe=process.stdout: out.append(pipe.read()), daemon=True)
         reader.start()
         for line in process.stderr:
             line = line.rstrip("\n")
