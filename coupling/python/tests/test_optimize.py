@@ -102,8 +102,8 @@ def test_stubs_name_what_is_there_and_nothing_else():
     public = lambda names: {name for name in names if not name.startswith("_")}
     functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
-    assert public(dir(core)) == functions | set(classes)
+    assert public(dir(core)) == functions | public(classes)
     for name, node in classes.items():
-        if not issubclass(getattr(core, name), Exception):
+        if name in public(classes) and not issubclass(getattr(core, name), Exception):
             written = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
             assert public(dir(getattr(core, name))) == public(written), name
