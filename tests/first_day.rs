@@ -529,8 +529,20 @@ fn the_page_of_keys_is_what_the_source_says() {
          `sartorius cost` without a file does the shipped one, `gait-data/ladders/walker.toml`.",
         coupling::cost::ladder::KEYS,
     );
+    let study = page(
+        "Study",
+        "What `study` carries out: subjects by settings by samples, and what varies from sample to sample.\n\
+         [study.md](study.md) shows how.\n\
+         Trials and scene are looked for beside the study, or are shipped ones.",
+        coupling::study::keys::KEYS,
+    );
+    let options = page(
+        "Options of `optimize` in a study",
+        "Keys `optimize.…` of settings and of what varies: the options of the command line, with underscores.",
+        coupling::options::OPTIONS,
+    );
     let text = format!(
-        "# Keys\n\nEvery key of the three kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}\n{ladder}"
+        "# Keys\n\nEvery key of the four kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}\n{ladder}\n{study}\n{options}"
     );
     assert_page("keys.md", &text);
 }
@@ -602,9 +614,32 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     let example = |name: &str| format!("{}/../fem/examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
     fs::write(folder.join("ladder.toml"), "scene = \"hill.toml\"\n[[axis]]\nname = \"mesh\"\nkey = \"resolution_mm\"\nvalues = [20.0, 14.0]\nerror = \"discretisation\"\n").unwrap();
+    let vary = |key: &str, values: &str| {
+        format!("[[vary]]\nkey = \"{key}\"\ndistribution = \"choice\"\nvalues = [{values}]\n")
+    };
+    let leg = [
+        vary("landmarks.heel", "1.0, 2.0"),
+        vary("strengths.soleus", "0.9, 1.1"),
+        vary("optimize.cost", "\"force\""),
+    ];
+    fs::write(folder.join("leg.toml"), leg.concat()).unwrap();
+    let sure = vary("strengths.soleus", "0.9, 1.1");
+    fs::write(folder.join("sure.toml"), format!("samples = 8\nindices = true\n{sure}")).unwrap();
+    let thigh = vary("scene.materials.matrix_a_kpa", "3.0, 4.0");
+    fs::write(
+        folder.join("thigh.toml"),
+        format!("run = \"compare\"\nscene = \"hill.toml\"\ncontact = \"without\"\n{thigh}"),
+    )
+    .unwrap();
+    let recorded = vary("trial.filter.motion_hz", "5.0, 6.0");
+    fs::write(
+        folder.join("recorded.toml"),
+        format!("[[subject]]\nname = \"walk\"\ntrial = \"trials/walk.toml\"\n{recorded}"),
+    )
+    .unwrap();
     for arguments in [
         &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv", "--bands"][..],
-        &["optimize", "--out", "i", "--knee", "implant", "--samples", "70"],
+        &["optimize", "--out", "n", "--knee", "implant", "--samples", "70"],
         &["compare", "hill.toml", "--out", "c"],
         &["compare", "hill.toml", "--out", "w", "--two-way", "--passes", "2"],
         &["optimize", "trials/walk.toml", "--out", "v"],
@@ -613,6 +648,10 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["solve", &example("squashed_block"), "--out", "s"],
         &["solve", &example("strap_over_rod"), "--out", "r"],
         &["cost", "ladder.toml", "--out", "l"],
+        &["study", "leg.toml", "--out", "y"],
+        &["study", "thigh.toml", "--out", "z"],
+        &["study", "recorded.toml", "--out", "q"],
+        &["study", "sure.toml", "--out", "i"],
     ] {
         let output = sartorius(arguments, folder);
         // A single pass of two-way coupling or a single muscle may miss its verdict; its tables are written all the same.
@@ -625,7 +664,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "i", "v", "c", "w", "t", "m", "s", "r", "l"] {
+    for part in ["o", "n", "v", "c", "w", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

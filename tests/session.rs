@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
+use coupling::comparison::{Comparison, Prepared, Sized};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
 use coupling::session::{RigidSession, RigidSide, ThighSession, ThighSide};
-use coupling::study::{Comparison, Prepared, Sized};
 use coupling::two_way::capacity::MuscleCapacity;
 use coupling::two_way::fixed_point::{FixedPoint, Scheme};
 use coupling::two_way::{MOST_PASSES, TOLERANCE};
@@ -123,7 +123,7 @@ fn what_cannot_be_is_refused_with_what_it_must_be() {
     let known = known();
     let mut thigh = ThighSession::new(known.thighs[0].clone());
     let before = thigh.save();
-    let said = |result: Result<(), coupling::error::StudyError>| result.unwrap_err().to_string();
+    let said = |result: Result<(), coupling::error::CouplingError>| result.unwrap_err().to_string();
     assert!(
         said(thigh.set_activations(&[0.0, 2.0, -1.0]))
             .contains("number 2 is 2, number 3 is -1; must be from 0 to 1.8")

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use coupling::comparison::{Comparison, Prepared};
 use coupling::configuration::PerConfiguration;
 use coupling::scene::Scene;
-use coupling::study::{Comparison, Prepared};
 use coupling::two_way::capacity::sewn;
 use coupling::two_way::fixed_point::Scheme;
 use coupling::two_way::{Pass, TOLERANCE};
@@ -20,7 +20,7 @@ fn solved(scene: &str) -> (Prepared, Comparison) {
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
-    let study = prepared
+    let comparison = prepared
         .solve(
             PerConfiguration { without: true, with: false },
             &folder.path().join("out"),
@@ -28,7 +28,7 @@ fn solved(scene: &str) -> (Prepared, Comparison) {
             &mut |_| (),
         )
         .unwrap();
-    (prepared, study)
+    (prepared, comparison)
 }
 
 fn last_change(passes: &[Pass]) -> f64 {
@@ -37,8 +37,8 @@ fn last_change(passes: &[Pass]) -> f64 {
 
 #[test]
 fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
-    let (prepared, study) = solved(SCENE);
-    let run = |scheme| prepared.two_way(&study, scheme, 16).unwrap().passes;
+    let (prepared, comparison) = solved(SCENE);
+    let run = |scheme| prepared.two_way(&comparison, scheme, 16).unwrap().passes;
     let (quick, slow) = (run(Scheme::IqnIls(1.0)), run(Scheme::Relaxation(0.5)));
     for (name, passes) in [("IQN-ILS", &quick), ("relaxation", &slow)] {
         for (k, p) in passes.iter().enumerate() {
@@ -65,15 +65,17 @@ fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
 /// rigid leg does, and the whole has the moment that the mesh makes.
 #[test]
 fn sewn_heads_are_one_unit_and_none_takes_all() {
-    let (prepared, study) = solved(QUADRICEPS);
-    let plan = &study.solutions.without.as_ref().unwrap().plan;
-    let units = sewn(plan, &study.thigh);
-    let names: Vec<Vec<&str>> =
-        units.iter().map(|u| u.iter().map(|&m| study.thigh.muscles[m].name.as_str()).collect()).collect();
+    let (prepared, comparison) = solved(QUADRICEPS);
+    let plan = &comparison.solutions.without.as_ref().unwrap().plan;
+    let units = sewn(plan, &comparison.thigh);
+    let names: Vec<Vec<&str>> = units
+        .iter()
+        .map(|u| u.iter().map(|&m| comparison.thigh.muscles[m].name.as_str()).collect())
+        .collect();
     println!("{names:?}");
     let quadriceps = units.iter().find(|u| u.len() > 1).unwrap();
     assert_eq!((units.len(), quadriceps.len()), (1, 4), "{names:?}");
-    let coupling = prepared.two_way(&study, Scheme::IqnIls(1.0), 16).unwrap();
+    let coupling = prepared.two_way(&comparison, Scheme::IqnIls(1.0), 16).unwrap();
     let (first, last) = (&coupling.passes[0], coupling.passes.last().unwrap());
     for (k, pass) in coupling.passes.iter().enumerate() {
         println!(

@@ -12,11 +12,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use coupling::comparison::SETTINGS;
 use coupling::fibres::cache::Cache;
 use coupling::fibres::driven_fibres;
 use coupling::scene::Fibres;
 use coupling::scene::StressFree;
-use coupling::study::SETTINGS;
 use coupling::thigh::build::{Thigh, ThighEffects};
 use coupling::thigh::registration::{BODIES, MeshFrames, Registration};
 use coupling::thigh::{BuiltIn, built_in};

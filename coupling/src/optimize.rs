@@ -20,9 +20,10 @@ use multibody::share::{SharingSettings, bands, share_each};
 use multibody::sharing::Capacity;
 use multibody::trial::{Effort, Filters, Motion, Side, Table, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
-use multibody::walker::{Knee, walker};
+use multibody::walker::{self, Knee, walker};
 
-use crate::error::StudyError;
+use crate::changes::Changes;
+use crate::error::CouplingError;
 use crate::form::{Bounds, Form};
 use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
@@ -53,6 +54,8 @@ pub struct OptimizeOptions {
     pub bands: bool,
     /// How often the trial is computed with inputs that scatter ([`crate::samples`]); `None`: not at all.
     pub samples: Option<usize>,
+    /// What differs from the files.
+    pub changes: Changes,
 }
 
 /// A trial with its anatomy and choices, before anything is computed.
@@ -116,16 +119,33 @@ pub struct Optimized {
     pub stages: Vec<(&'static str, Duration)>,
 }
 
+impl OptimizeOptions {
+    /// Anatomy of the built-in walker as it is to be.
+    fn walker_anatomy(&self, anatomy: Anatomy) -> Result<Anatomy, CouplingError> {
+        if let Some(key) = self.changes.trial.keys().next() {
+            let text =
+                format!("`trial.{key}`: the built-in walker has no trial file; name one as the subject");
+            return Err(CouplingError::Option(text));
+        }
+        match self.changes.landmarks.is_empty() {
+            true => Ok(anatomy),
+            false => walker::shifted(&self.changes.landmarks)
+                .map_err(|e| CouplingError::Option(format!("landmarks of the built-in walker: {e}"))),
+        }
+    }
+}
+
 impl Case {
     /// Reads the trial and its landmarks.
-    pub fn load(options: &OptimizeOptions) -> Result<Case, StudyError> {
+    pub fn load(options: &OptimizeOptions) -> Result<Case, CouplingError> {
         let clock = Instant::now();
         let Some(path) = &options.trial else {
             if options.hip_centre.is_some_and(|h| h != HipRule::Table) {
                 let text = "--hip-centre needs a trial: the built-in walker was made with the hip centre of its table";
-                return Err(StudyError::Option(text.into()));
+                return Err(CouplingError::Option(text.into()));
             }
             let (trial, anatomy) = walker(Knee::Hinge);
+            let anatomy = options.walker_anatomy(anatomy)?;
             return Ok(Case {
                 trial,
                 anatomy,
@@ -144,7 +164,7 @@ impl Case {
                 took: clock.elapsed(),
             });
         };
-        let both = trial_file(path)?;
+        let both = trial_file(path, &options.changes)?;
         let file = both.leg(options.side.unwrap_or(both.subject.side));
         let trial = file.load(options.data.as_deref())?;
         let mut spec = file.landmarks(options.data.as_deref())?;
@@ -155,15 +175,15 @@ impl Case {
                     "--hip-centre table: `{}` takes its landmarks from markers, not from a table; choose harrington or regression",
                     trial.name
                 );
-                return Err(StudyError::Option(text));
+                return Err(CouplingError::Option(text));
             }
             spec.hip_centre = trial_file::HipCentre::By(rule);
         }
         if !options.form.corrected_knee_centre {
             spec.knee_centre = KneeCentre::AsFound;
         }
-        let (anatomy, quality) = calibrate(&spec, trial.subject.sex)
-            .map_err(|source| StudyError::Calibration { trial: trial.name.clone(), source })?;
+        let (anatomy, quality) = calibrate(&spec, trial.subject.sex, &options.changes.landmarks)
+            .map_err(|source| CouplingError::Calibration { trial: trial.name.clone(), source })?;
         let ankle = match file.model.ankle {
             trial_file::Ankle::Universal => Ankle::Universal,
             trial_file::Ankle::Parallel => Ankle::Parallel,
@@ -215,17 +235,30 @@ impl Case {
 }
 
 /// Legs that the trial describes, the one of its main tables first.
-pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, StudyError> {
-    options.trial.as_deref().map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path)?.sides()))
+pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, CouplingError> {
+    options
+        .trial
+        .as_deref()
+        .map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path, &options.changes)?.sides()))
 }
 
-fn trial_file(path: &Path) -> Result<TrialFile, StudyError> {
+fn trial_file(path: &Path, changes: &Changes) -> Result<TrialFile, CouplingError> {
     if path.is_file()
         && let Ok(text) = std::fs::read_to_string(path)
     {
         wanted(TomlKind::Trial, path, &text)?;
     }
-    Ok(TrialFile::read(path)?)
+    if changes.trial.is_empty() {
+        return Ok(TrialFile::read(path)?);
+    }
+    let io = |source| InputError::Io { file: path.to_path_buf(), source };
+    let text = match multibody::shipped::text(path) {
+        Some(text) => text.to_string(),
+        None => std::fs::read_to_string(path).map_err(io)?,
+    };
+    // What is no TOML is said of the file itself.
+    let changed = changes.trial_text(&text).unwrap_or(text);
+    Ok(TrialFile::parse(path, changed.as_bytes())?)
 }
 
 /// Stages of [`optimize`].
@@ -241,12 +274,15 @@ pub fn stages(options: &OptimizeOptions) -> Vec<&'static str> {
 }
 
 /// Runs the whole rigid side.
-pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, StudyError> {
+pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, CouplingError> {
     optimize_with(options, &mut |_| ())
 }
 
 /// The same; `lap` is called as each of the [`STAGES`] ends.
-pub fn optimize_with(options: &OptimizeOptions, lap: &mut dyn FnMut(&str)) -> Result<Optimized, StudyError> {
+pub fn optimize_with(
+    options: &OptimizeOptions,
+    lap: &mut dyn FnMut(&str),
+) -> Result<Optimized, CouplingError> {
     let case = Case::load(options)?;
     lap(STAGES[0]);
     solve(case, options, lap)
@@ -257,7 +293,7 @@ pub fn solve(
     case: Case,
     options: &OptimizeOptions,
     lap: &mut dyn FnMut(&str),
-) -> Result<Optimized, StudyError> {
+) -> Result<Optimized, CouplingError> {
     let mut stages = vec![(STAGES[0], case.took)];
     let mut clock = Instant::now();
     let mut lap = |name: &'static str| {
@@ -266,7 +302,7 @@ pub fn solve(
         clock = Instant::now();
     };
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
-    let model = model_of(&case, &options.form)?;
+    let model = model_of(&case, options)?;
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);
     lap("marker fit");
@@ -307,10 +343,12 @@ pub fn solve(
     })
 }
 
-/// The leg of a case in a form.
-pub(crate) fn model_of(case: &Case, form: &Form) -> Result<Model, ModelError> {
+/// The leg of a case in the form of `options`, with the strengths that they change.
+pub(crate) fn model_of(case: &Case, options: &OptimizeOptions) -> Result<Model, ModelError> {
     let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?.with_knee(case.knee);
-    Ok(if form.wrapped { model.with_wrapped_muscles() } else { model })
+    let mut model = if options.form.wrapped { model.with_wrapped_muscles() } else { model };
+    options.changes.strengthen(&mut model);
+    Ok(model)
 }
 
 /// What force sharing knows of muscles and joints beside the loads.

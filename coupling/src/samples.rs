@@ -17,7 +17,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::optimize::{Case, Known, OptimizeOptions, model_of};
 
 /// Groups of inputs that scatter together.
@@ -88,7 +88,7 @@ struct Run {
 }
 
 /// Computes `case` at least `n` times (rounded up to a multiple of seven); `n` is at least [`LEAST`].
-pub fn samples(case: &Case, options: &OptimizeOptions, n: usize) -> Result<Samples, StudyError> {
+pub fn samples(case: &Case, options: &OptimizeOptions, n: usize) -> Result<Samples, CouplingError> {
     let base = n.max(LEAST).div_ceil(GROUPS.len() + 2);
     let sparse = thinned(case);
     let of = |row: usize, set: u64| -> [u64; 5] {
@@ -144,7 +144,7 @@ fn normals(seed: u64) -> impl FnMut() -> f64 {
     move || StandardNormal.sample(&mut random)
 }
 
-fn run(case: &Case, options: &OptimizeOptions, seeds: &Seeds) -> Result<Run, StudyError> {
+fn run(case: &Case, options: &OptimizeOptions, seeds: &Seeds) -> Result<Run, CouplingError> {
     let [landmarks, strengths, masses, markers, weights] = seeds.0.map(normals);
     let (mut landmarks, mut strengths, mut masses) = (landmarks, strengths, masses);
     let (mut markers, mut weights) = (markers, weights);
@@ -155,7 +155,7 @@ fn run(case: &Case, options: &OptimizeOptions, seeds: &Seeds) -> Result<Run, Stu
     for position in case.trial.markers.iter_mut().flat_map(|t| &mut t.position).flatten() {
         *position += MARKER * Vector3::from_fn(|_, _| markers());
     }
-    let mut model = model_of(&case, &options.form)?;
+    let mut model = model_of(&case, options)?;
     for inertia in &mut model.inertia {
         let factor = (MASS * masses()).exp();
         inertia.mass *= factor;

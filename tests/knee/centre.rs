@@ -6,6 +6,7 @@ use multibody::anatomy::{Anatomy, ThighAxes, lay_over};
 use multibody::calibration::clusters::pose;
 use multibody::calibration::functional::{self, Recording};
 use multibody::calibration::knee_centre::{DISTANCE, HEIGHT, KneeCentre};
+use multibody::calibration::shifts::Shifts;
 use multibody::calibration::{HipCentre, Path, Spines, calibrate, path};
 use multibody::kinematics::zxy_angles;
 use multibody::natural::{Pose, SegmentId};
@@ -72,7 +73,7 @@ fn skin_that_slides_moves_the_centre_by_less_than_5_mm() {
         let (recording, truth) = sliding(slide);
         let found = |rule| {
             let recordings = std::slice::from_ref(&recording);
-            functional::anatomy(recordings, HipCentre::Given(HIP), rule, Sex::Male).unwrap()
+            functional::anatomy(recordings, HipCentre::Given(HIP), rule, Sex::Male, &Shifts::none()).unwrap()
         };
         let (as_found, _) = found(KneeCentre::AsFound);
         let (corrected, quality) = found(KneeCentre::ByPatella(None));
@@ -101,7 +102,8 @@ fn a_marker_elsewhere_is_noticed() {
     recording.patella =
         recording.patella.iter().map(|p| p.map(|p| p + Vector3::new(0.0, 0.06, 0.0))).collect();
     let rule = KneeCentre::ByPatella(None);
-    let (_, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), rule, Sex::Male).unwrap();
+    let (_, quality) =
+        functional::anatomy(&[recording], HipCentre::Given(HIP), rule, Sex::Male, &Shifts::none()).unwrap();
     assert!(!quality.knee_centre.unwrap().is_plausible());
 }
 
@@ -109,7 +111,8 @@ fn a_marker_elsewhere_is_noticed() {
 fn a_distance_of_the_subject_is_kept() {
     let (recording, _) = sliding([0.0, 0.015]);
     let rule = KneeCentre::ByPatella(Some(0.060));
-    let (_, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), rule, Sex::Male).unwrap();
+    let (_, quality) =
+        functional::anatomy(&[recording], HipCentre::Given(HIP), rule, Sex::Male, &Shifts::none()).unwrap();
     let said = quality.knee_centre.unwrap();
     assert_eq!(said.distance, 0.060);
 }
@@ -122,7 +125,7 @@ fn on_subject_dm_the_centre_comes_nearer_to_the_table() {
     let shipped =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials/DM_ngait_og3.toml");
     let table = TrialFile::read(&shipped).unwrap();
-    let (truth, _) = calibrate(&table.landmarks(Some(&data)).unwrap(), Sex::Male).unwrap();
+    let (truth, _) = calibrate(&table.landmarks(Some(&data)).unwrap(), Sex::Male, &Shifts::none()).unwrap();
     let text = std::fs::read_to_string(&shipped).unwrap();
     let (head, tail) = text.split_once("[landmarks]").unwrap();
     let (_, tail) = tail.split_once("[filter]").unwrap();
@@ -136,7 +139,8 @@ fn on_subject_dm_the_centre_comes_nearer_to_the_table() {
             if rule == KneeRule::Patella { "patella" } else { "functional" }
         );
         let file = TrialFile::parse(&shipped, format!("{head}{landmarks}{tail}").as_bytes()).unwrap();
-        let (found, _) = calibrate(&file.landmarks(Some(&data)).unwrap(), Sex::Male).unwrap();
+        let (found, _) =
+            calibrate(&file.landmarks(Some(&data)).unwrap(), Sex::Male, &Shifts::none()).unwrap();
         error(&found, &truth)
     };
     let mut mean = Vector3::zeros();

@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::clusters::{mean_cluster, mean_local, pose};
 use super::knee_centre::{Correction, Frame, KneeCentre, correct, in_shank};
 use super::markers::foot;
+use super::shifts::Shifts;
 use super::{CalibrationError, HipCentre, Path, Spines, apart, into_local, pelvis, relative};
 use crate::anatomy::{Anatomy, Cluster, ShankAxes, ThighAxes};
 use crate::natural::{Pose, SegmentId};
@@ -55,6 +56,7 @@ pub fn anatomy(
     hip: HipCentre,
     knee_centre: KneeCentre,
     sex: Sex,
+    shifts: &Shifts,
 ) -> Result<(Anatomy, Quality), CalibrationError> {
     use SegmentId::{Foot, Pelvis, Shank, Thigh};
     let tracks: Vec<&[MarkerTrack]> = recordings.iter().map(|r| r.tracks.as_slice()).collect();
@@ -73,11 +75,11 @@ pub fn anatomy(
             .collect();
         let n = means.len() as f64;
         (n > 0.0)
-            .then(|| means.iter().sum::<Vector3<f64>>() / n)
+            .then(|| means.iter().sum::<Vector3<f64>>() / n + shifts.of(landmark))
             .ok_or(CalibrationError::Landmark { landmark, segment: segment.name() })
     };
     let first = &recordings[0];
-    let pelvis_axes = pelvis(&clusters[Pelvis.index()], &first.tracks, &first.spines, hip, sex)?;
+    let pelvis_axes = pelvis(&clusters[Pelvis.index()], &first.tracks, &first.spines, hip, sex, shifts)?;
 
     let knee = Axis::fit(recordings, &clusters, Thigh, Shank, "knee")?;
     let ankle = Axis::fit(recordings, &clusters, Shank, Foot, "ankle")?;

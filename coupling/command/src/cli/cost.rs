@@ -21,13 +21,13 @@ use crate::output::cost::{write_axes, write_cost, write_errors};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::cost::{CostReport, cost_page, cost_picture};
+use coupling::comparison::estimate::{Expected, Work};
+use coupling::comparison::{STAGES, Sized};
 use coupling::configuration::PerConfiguration;
 use coupling::cost::ladder::Ladder;
 use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
 use coupling::fibres::cache::content_hash;
 use coupling::number::plain;
-use coupling::study::estimate::{Expected, Work};
-use coupling::study::{STAGES, Sized};
 use fem::mesh::Mesh;
 
 #[derive(Args)]

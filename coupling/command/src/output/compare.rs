@@ -10,9 +10,9 @@ use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
 use crate::report::compare::{CompareReport, OneWayRow, compare_page};
+use coupling::comparison::ONE_WAY_FOLDER;
 use coupling::configuration::Configuration;
 use coupling::number::plain;
-use coupling::study::ONE_WAY_FOLDER;
 
 /// Writes tables, page and, last of all, `run.json` into `out`.
 pub fn write_compare(

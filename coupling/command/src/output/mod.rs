@@ -10,6 +10,7 @@ pub mod origin;
 pub mod run;
 pub mod solve;
 pub mod sto;
+pub mod study;
 pub mod tables;
 
 use std::io;

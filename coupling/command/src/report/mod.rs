@@ -19,6 +19,7 @@ pub mod page;
 pub mod plot;
 pub mod problems;
 pub mod reserves;
+pub mod study;
 pub mod svg;
 
 use multibody::emg::{self, Compared};

@@ -210,6 +210,7 @@ impl OptimizeArguments {
             },
             measured: self.measured.clone(),
             side: None,
+            changes: Default::default(),
         })
     }
 

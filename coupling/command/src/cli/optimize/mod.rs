@@ -25,7 +25,7 @@ use crate::output::tables::Series;
 use crate::output::{write_both_legs, write_optimize};
 use crate::report::both::BothLegs;
 use crate::report::{MuscleInfo, OptimizeReport, Summary};
-use coupling::error::StudyError;
+use coupling::error::CouplingError;
 use coupling::optimize::{Case, OptimizeOptions, Optimized, optimize_with, sides, solve, stages};
 use coupling::samples::{self, Samples};
 use coupling::subject::who;
@@ -52,7 +52,7 @@ impl Leg {
         done: Optimized,
         options: &OptimizeOptions,
         arguments: &OptimizeArguments,
-    ) -> Result<Leg, StudyError> {
+    ) -> Result<Leg, CouplingError> {
         let info = |(muscle, fractions): (&Muscle, &Fractions)| MuscleInfo {
             full_name: muscle.full_name.clone(),
             f_max: muscle.f_max,
@@ -184,10 +184,10 @@ fn run_both(
 const SIDES: [Side; 2] = [Side::Right, Side::Left];
 
 /// The cases of both legs, or what is wrong with either.
-fn both_cases(read: [Result<Case, StudyError>; 2]) -> Result<[Case; 2], CommandError> {
+fn both_cases(read: [Result<Case, CouplingError>; 2]) -> Result<[Case; 2], CommandError> {
     match read {
         [Ok(right), Ok(left)] => Ok([right, left]),
-        [Err(StudyError::Input(right)), Err(StudyError::Input(left))] => {
+        [Err(CouplingError::Input(right)), Err(CouplingError::Input(left))] => {
             let mut wrong = Mistakes::default();
             let [mut of_right, mut of_left] = [Mistakes::default(), Mistakes::default()];
             of_right.note(right);
@@ -201,11 +201,11 @@ fn both_cases(read: [Result<Case, StudyError>; 2]) -> Result<[Case; 2], CommandE
 }
 
 /// What stopped one of both legs.
-fn stopped(side: Side, error: StudyError) -> CommandError {
+fn stopped(side: Side, error: CouplingError) -> CommandError {
     match error {
-        StudyError::Input(error) => error.of_leg(side.name()).into(),
+        CouplingError::Input(error) => error.of_leg(side.name()).into(),
         // What the command line says holds for both.
-        StudyError::Option(text) => CommandError::Option(text),
+        CouplingError::Option(text) => CommandError::Option(text),
         error => CommandError::OfLeg { side: side.name(), source: Box::new(error) },
     }
 }
