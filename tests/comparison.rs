@@ -561,9 +561,11 @@ fn one_pass_of_two_way_coupling_is_the_one_way_result() {
     assert!(run.contains("two-way coupling has not settled"), "{run}");
     let page = fs::read_to_string(folder.path().join("two/report.html")).unwrap();
     assert!(page.contains("one-way: FE, N") && page.contains("two-way coupling has not settled"));
-    // With contact there is no loop to close.
-    let output = sartorius(&["compare", "two.toml", "--two-way", "--contact", "both"], folder.path());
+    // One configuration is coupled, not two at once.
+    fs::write(folder.path().join("both.toml"), scene.replace("\"none\"", "\"guarded\"")).unwrap();
+    let output = sartorius(&["compare", "both.toml", "--two-way", "--contact", "both"], folder.path());
     assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("--contact with"), "{}", text(&output.stderr));
 }
 
 /// The contact resultant of a muscle is the sum of what contact does to its nodes, and what its bones have to hold.

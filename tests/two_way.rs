@@ -17,17 +17,14 @@ const QUADRICEPS: &str = "muscles = [\"rectus_femoris\", \"vastus_medialis\", \"
                           resolution_mm = 20.0\n[effects]\ncontact = \"none\"\n";
 
 fn solved(scene: &str) -> (Prepared, Comparison) {
+    solved_in(scene, PerConfiguration { without: true, with: false })
+}
+
+fn solved_in(scene: &str, asked: PerConfiguration<bool>) -> (Prepared, Comparison) {
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
-    let comparison = prepared
-        .solve(
-            PerConfiguration { without: true, with: false },
-            &folder.path().join("out"),
-            false,
-            &mut |_| (),
-        )
-        .unwrap();
+    let comparison = prepared.solve(asked, &folder.path().join("out"), false, &mut |_| ()).unwrap();
     (prepared, comparison)
 }
 
@@ -101,4 +98,21 @@ fn sewn_heads_are_one_unit_and_none_takes_all() {
     // At the knee the whole pulls as force sharing counts on.
     let knee: f64 = quadriceps.iter().map(|&m| last.lacking[1][m][3]).sum();
     assert!(knee.abs() < 0.2, "{knee} N m at the knee");
+}
+
+/// In contact a muscle moves joints by what it is tied to and by what it presses on. What all of them do is what all bones feel.
+#[test]
+fn with_contact_passes_settle_and_missing_moments_fall() {
+    let scene = "muscles = [\"gluteus_maximus\", \"gluteus_medius\", \"vastus_lateralis\"]\nresolution_mm = 18.0\n\
+                 [accuracy]\ncontact_residual_n = 0.5\n";
+    let (prepared, comparison) = solved_in(scene, PerConfiguration { without: false, with: true });
+    let coupling = prepared.two_way(&comparison, Scheme::IqnIls(1.0), 16).unwrap();
+    let passes = &coupling.passes;
+    for (k, p) in passes.iter().enumerate() {
+        println!("{}: {:?} {:.3} N m {:?}", k + 1, p.change, p.largest_missing(), p.changed_most);
+    }
+    assert!(coupling.shortcomings.is_empty(), "{:?}", coupling.shortcomings);
+    assert!(last_change(passes) < TOLERANCE);
+    let (before, after) = (passes[0].largest_missing(), passes[passes.len() - 1].largest_missing());
+    assert!(after < 0.1 * before, "{before} N m before, {after} N m after");
 }

@@ -32,6 +32,7 @@ use crate::thigh::build::{Thigh, ThighEffects, ThighMuscle};
 use crate::thigh::lines::lines_of_muscles;
 use crate::thigh::registration::{MeshFrames, Registration};
 use crate::thigh::{BuiltIn, draft, from_limb, limb, limb_of_surfaces};
+use crate::two_way::capacity::sewn;
 use crate::two_way::fixed_point::Scheme;
 use crate::two_way::{Coupled, Coupling, TwoWay};
 
@@ -111,9 +112,11 @@ pub struct Comparison {
 
 /// The one-way result beside a two-way one.
 pub struct OneWay {
+    /// Which configuration was coupled.
+    pub configuration: Configuration,
     /// What the rigid leg says of the steps.
     pub steps: Vec<RigidStep>,
-    /// The thigh without contact: what was solved in it, and its forces.
+    /// The thigh: what was solved in it.
     pub run: Run,
     /// Forces at the steps that were solved.
     pub forces: Vec<StepForces>,
@@ -382,26 +385,28 @@ impl Prepared {
         Ok(comparison)
     }
 
-    /// Two-way coupling from the one-way result without contact, `most` passes at most. Needs Hill fibres and all steps solved.
+    /// Two-way coupling from the one-way result of the one configuration that was solved, `most` passes at most. Needs Hill fibres and all
+    /// steps solved.
     pub fn two_way(
         &self,
         comparison: &Comparison,
         scheme: Scheme,
         most: usize,
     ) -> Result<Coupling, CouplingError> {
-        let (Calibration::Hill { muscles, units, scale }, Some(alone)) =
-            (&comparison.calibration, &comparison.solutions.without)
+        let solved: Vec<_> = comparison.solutions.present().collect();
+        let (Calibration::Hill { muscles, units, scale }, [(configuration, solution)]) =
+            (&comparison.calibration, &solved[..])
         else {
-            let why = "two-way coupling needs Hill fibres and the configuration without contact";
+            let why = "two-way coupling needs Hill fibres, and one configuration, without or with contact";
             return Err(CouplingError::Option(why.into()));
         };
-        let first: Vec<&Frame> = alone.at_steps().collect();
+        let first: Vec<&Frame> = solution.at_steps().collect();
         if first.len() < self.steps.len() {
             return Err(CouplingError::NotConverged(
                 "two-way coupling needs all steps solved one-way".into(),
             ));
         }
-        let plan = &alone.plan;
+        let plan = &solution.plan;
         let way = drive(plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
         let fits: Vec<Fit> = muscles.iter().map(|m| m.fit).collect();
         let two_way = TwoWay {
@@ -410,13 +415,28 @@ impl Prepared {
             steps: &self.steps,
             thigh: &comparison.thigh,
             plan,
+            sewn: &self.sewn(&comparison.thigh, plan, *configuration)?,
             drive: &way,
             units,
             fits: &fits,
             scale: *scale,
-            settings: &settings_of(&self.scene, Configuration::WithoutContact),
+            settings: &settings_of(&self.scene, *configuration),
         };
         two_way.passes(&first, scheme, most)
+    }
+
+    /// Muscles that are sewn together, by number; `plan` is that of the configuration.
+    pub fn sewn(
+        &self,
+        thigh: &Thigh,
+        plan: &Plan,
+        configuration: Configuration,
+    ) -> Result<Vec<Vec<usize>>, CouplingError> {
+        match configuration {
+            Configuration::WithoutContact => Ok(sewn(plan, thigh)),
+            // In contact all are in one island.
+            Configuration::WithContact => Ok(sewn(&self.plan(thigh, Configuration::WithoutContact)?, thigh)),
+        }
     }
 
     /// Makes the last pass of two-way coupling the result, with the one-way result [beside it](Comparison::one_way); its frames go
@@ -428,7 +448,8 @@ impl Prepared {
         took: Duration,
         folder: &Path,
     ) -> Result<(), CouplingError> {
-        let one_way = comparison.solutions.without.take().expect("the passes began from it");
+        let solved = comparison.solutions.present().map(|(c, _)| c).next().expect("the passes began from it");
+        let one_way = comparison.solutions[solved].take().expect("it is present");
         let Solution { plan, run: before, steps: forces, on_the_way, .. } = one_way;
         let way = drive(&plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
         let mut run = Run {
@@ -446,7 +467,7 @@ impl Prepared {
         let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
         let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
         write(&before, ONE_WAY_FOLDER)
-            .and_then(|()| write(&run, Configuration::WithoutContact.folder()))
+            .and_then(|()| write(&run, solved.folder()))
             .map_err(CompareError::from)?;
         let steps: Vec<RigidStep> = self
             .steps
@@ -454,9 +475,9 @@ impl Prepared {
             .zip(last)
             .map(|(step, coupled)| self.coupled_step(&comparison.thigh, step, coupled))
             .collect();
-        comparison.solutions.without = Some(measured(plan, &comparison.thigh, run, &steps, on_the_way, took));
+        comparison.solutions[solved] = Some(measured(plan, &comparison.thigh, run, &steps, on_the_way, took));
         let steps = std::mem::replace(&mut comparison.steps, steps);
-        comparison.one_way = Some(OneWay { steps, run: before, forces });
+        comparison.one_way = Some(OneWay { configuration: solved, steps, run: before, forces });
         Ok(())
     }
 

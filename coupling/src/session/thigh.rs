@@ -22,7 +22,7 @@ use crate::fibres::{Calibration, DrivenFibres, WrittenCalibration, written_fibre
 use crate::scene::Fibres;
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::BODIES;
-use crate::two_way::capacity::{BoneTwists, MOVED, VirtualTwists, actions, as_units, sewn};
+use crate::two_way::capacity::{BoneTwists, MOVED, VirtualTwists, actions, as_units};
 use crate::two_way::{KNEE, seen_capacity};
 
 /// A thigh that can be driven: all that never changes.
@@ -131,13 +131,7 @@ impl ThighSide {
             }
         };
         let plan = prepared.plan(&thigh, configuration)?;
-        let units = match configuration {
-            Configuration::WithoutContact => sewn(&plan, &thigh),
-            // In contact all are in one island.
-            Configuration::WithContact => {
-                sewn(&prepared.plan(&thigh, Configuration::WithoutContact)?, &thigh)
-            }
-        };
+        let units = prepared.sewn(&thigh, &plan, configuration)?;
         let settings = settings_of(scene, configuration);
         let key = lasting_hash(&plan.mesh, &format!("{:?}{settings:?}", thigh.scene));
         Ok(ThighSide { prepared, thigh, calibration, plan, settings, units, key })

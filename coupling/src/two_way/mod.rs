@@ -30,7 +30,7 @@ use crate::optimize::Optimized;
 use crate::steps::{RigidMuscle, RigidStep};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
-use crate::two_way::capacity::{MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units, sewn};
+use crate::two_way::capacity::{MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units};
 use crate::two_way::fixed_point::{FixedPoint, Scheme};
 
 /// Relative change of the capacity at which the passes end.
@@ -54,8 +54,10 @@ pub struct TwoWay<'a> {
     pub steps: &'a [RigidStep],
     /// The thigh with Hill fibres.
     pub thigh: &'a Thigh,
-    /// Without contact.
+    /// Without or with contact.
     pub plan: &'a Plan,
+    /// Muscles that are sewn together ([`sewn`](capacity::sewn)).
+    pub sewn: &'a [Vec<usize>],
     /// The drive of the one-way run.
     pub drive: &'a Drive,
     /// Units and fits of its muscles, and the scale of [`MuscleUnit::law`].
@@ -134,11 +136,11 @@ impl TwoWay<'_> {
     pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, CouplingError> {
         let twists: Vec<VirtualTwists> =
             self.steps.iter().map(|s| self.twists(s)).collect::<Result<_, _>>()?;
-        let (units, rigid) = (sewn(self.plan, self.thigh), self.nominal()?);
+        let rigid = self.nominal()?;
         let see = |frame: &Frame, k: usize| {
             let mut seen = actions(self.plan, self.thigh, frame.snapshot(), &twists[k]);
             let arm = |m: usize| self.capacity_in(&rigid, k, m).lever_arms[KNEE];
-            as_units(&mut seen, &units, KNEE, &arm);
+            as_units(&mut seen, self.sewn, KNEE, &arm);
             seen
         };
         let seen: Vec<Vec<MuscleAction>> = first.iter().enumerate().map(|(k, f)| see(f, k)).collect();

@@ -77,7 +77,7 @@ pub struct OneWayRow {
     pub activation: f64,
     /// Force of the rigid leg \[N\].
     pub rigid: f64,
-    /// Section force without contact; `None` where not solved.
+    /// Section force; `None` where not solved.
     pub fe: Option<MuscleForce>,
 }
 
