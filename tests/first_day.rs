@@ -642,6 +642,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["optimize", "--out", "n", "--knee", "implant", "--samples", "70"],
         &["compare", "hill.toml", "--out", "c"],
         &["compare", "hill.toml", "--out", "w", "--two-way", "--passes", "2"],
+        &["compare", "hill.toml", "--out", "b", "--two-way", "--passes", "2", "--contact", "with"],
         &["optimize", "trials/walk.toml", "--out", "v"],
         &["compare", "thermal.toml", "--out", "t"],
         &["mesh", "--resolution", "20", "--only", "gracilis", "--out", "m"],
@@ -664,7 +665,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "n", "v", "c", "w", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
+    for part in ["o", "n", "v", "c", "w", "b", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

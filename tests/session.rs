@@ -168,7 +168,10 @@ fn forces_on_the_bones_add_up_to_nothing() {
 fn passes_between_two_sessions_are_those_of_compare_two_way() {
     let known = known();
     let (scheme, n) = (Scheme::IqnIls(1.0), MuscleCapacity::N);
-    let wanted = known.prepared.two_way(&known.comparison, scheme, MOST_PASSES).unwrap();
+    let wanted = known
+        .prepared
+        .two_way(&known.comparison, Configuration::WithoutContact, scheme, MOST_PASSES)
+        .unwrap();
     let times: Vec<f64> = known.comparison.steps.iter().map(|s| s.time).collect();
     let mut rigid = RigidSession::new(known.rigid.clone());
     let mut thigh = ThighSession::new(known.thighs[0].clone());

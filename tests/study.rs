@@ -11,11 +11,13 @@ use std::time::{Duration, Instant};
 use coupling::optimize::{OptimizeOptions, optimize};
 use coupling::study::Study;
 use coupling::study::run::curves;
+use multibody::sharing::MuscleCost;
+use multibody::trial::Table;
 use nalgebra::Vector3;
 use support::{program, sartorius};
 
 /// The walker with uncertain landmarks and strengths and two ways to share forces.
-const WALKER: &str = "samples = 6\nseed = 3\n\n[[setting]]\nname = \"force\"\n\n[[setting]]\nname = \"activation\"\nkeys = { \"optimize.cost\" = \"activation\" }\n\n\
+const WALKER: &str = "samples = 6\nseed = 3\n\n[[setting]]\nname = \"force\"\nkeys = { \"optimize.cost\" = \"force\" }\n\n[[setting]]\nname = \"activation\"\nkeys = { \"optimize.cost\" = \"activation\" }\n\n\
     [[vary]]\nkey = \"landmarks\"\ndistribution = \"normal\"\nsd = 5.0\n\n[[vary]]\nkey = \"strengths\"\ndistribution = \"normal\"\nsd = 0.2\n";
 
 /// A table as maps from column to cell, a map per run.
@@ -49,7 +51,7 @@ fn a_run_is_what_optimize_computes_with_the_values_of_its_row() {
         );
     }
     for row in &rows[4..8] {
-        let mut options = OptimizeOptions::default();
+        let mut options = OptimizeOptions::revised();
         for column in &inputs {
             let value = number(row, column);
             match column.split('.').collect::<Vec<_>>()[..] {
@@ -63,9 +65,10 @@ fn a_run_is_what_optimize_computes_with_the_values_of_its_row() {
                 _ => panic!("{column}"),
             }
         }
-        if row["setting"] == "activation" {
-            options.sharing.muscle_cost = multibody::sharing::MuscleCost::Activation;
-        }
+        options.sharing.muscle_cost = match row["setting"].as_str() {
+            "activation" => MuscleCost::Activation,
+            _ => MuscleCost::Force,
+        };
         let done = optimize(&options).unwrap();
         for (name, values) in curves(&done.effort) {
             let peak = values.iter().fold(f64::NEG_INFINITY, |m, v| m.max(*v));
@@ -91,21 +94,26 @@ fn a_run_is_what_optimize_computes_with_the_values_of_its_row() {
 /// Strength is what a muscle can pull: with half of it, force sharing by activations asks as much of it as of a muscle of half the size.
 #[test]
 fn strengths_bound_the_forces() {
-    let peak = |factor: f64| {
-        let mut options = OptimizeOptions::default();
+    let peak = |mut options: OptimizeOptions, factor: f64| {
         options.changes.strengths.insert("soleus".into(), factor);
         let done = optimize(&options).unwrap();
         let soleus = done.model.muscles.iter().find(|m| m.name == "soleus").unwrap().f_max;
-        let force = done.effort.forces.column("soleus").unwrap();
-        (soleus, force.iter().fold(0.0, |m: f64, v| m.max(*v)))
+        let highest = |table: &Table| table.column("soleus").unwrap().iter().fold(0.0, |m: f64, v| m.max(*v));
+        (soleus, highest(&done.effort.forces), highest(&done.effort.activations))
     };
-    let (strong, free) = peak(1.0);
-    let (weak, bounded) = peak(0.1);
+    let (strong, free, _) = peak(OptimizeOptions::default(), 1.0);
+    let (weak, bounded, active) = peak(OptimizeOptions::default(), 0.1);
     assert!((weak / strong - 0.1).abs() < 1e-12);
     assert!(
         free > weak && (bounded / weak - 1.0).abs() < 1e-6,
         "{free} N unbounded, {bounded} N of {weak} N"
     );
+    assert!(active > 0.8, "a weak muscle works hard: {active}");
+    // By its state: what it can do at most, lengthening and with what it has of passive force, is as much weaker.
+    let (_, free, _) = peak(OptimizeOptions::revised(), 1.0);
+    let (weak, bounded, active) = peak(OptimizeOptions::revised(), 0.1);
+    assert!(free > 2.0 * weak && bounded < 2.0 * weak, "{free} N unbounded, {bounded} N of {weak} N");
+    assert!(active > 0.8, "a weak muscle works hard: {active}");
 }
 
 #[test]
@@ -305,8 +313,12 @@ fn indices_are_those_of_the_table() {
     let at = folder.path();
     // Curves change activations and no force: of the scatter of forces they have no part, to the last bit.
     let curves = "\n[[vary]]\nkey = \"optimize.curves\"\ndistribution = \"choice\"\nvalues = [\"thelen\", \"degroote\"]\n";
-    let text =
-        format!("indices = true\n{}{curves}", WALKER.replace("samples = 6", &format!("samples = {SAMPLES}")));
+    // That is so of the published leg; the bounds of the revised one follow the curves.
+    let published = WALKER.replace("keys = {", "keys = { \"optimize.form\" = \"published\",");
+    let text = format!(
+        "indices = true\n{}{curves}",
+        published.replace("samples = 6", &format!("samples = {SAMPLES}"))
+    );
     fs::write(at.join("walker.toml"), text).unwrap();
     let output = sartorius(&["study", "walker.toml", "--out", "out", "--quiet"], at);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use coupling::comparison::{Comparison, Prepared};
-use coupling::configuration::PerConfiguration;
+use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
 use coupling::two_way::capacity::sewn;
 use coupling::two_way::fixed_point::Scheme;
@@ -35,7 +35,8 @@ fn last_change(passes: &[Pass]) -> f64 {
 #[test]
 fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
     let (prepared, comparison) = solved(SCENE);
-    let run = |scheme| prepared.two_way(&comparison, scheme, 16).unwrap().passes;
+    let run =
+        |scheme| prepared.two_way(&comparison, Configuration::WithoutContact, scheme, 16).unwrap().passes;
     let (quick, slow) = (run(Scheme::IqnIls(1.0)), run(Scheme::Relaxation(0.5)));
     for (name, passes) in [("IQN-ILS", &quick), ("relaxation", &slow)] {
         for (k, p) in passes.iter().enumerate() {
@@ -72,7 +73,8 @@ fn sewn_heads_are_one_unit_and_none_takes_all() {
     println!("{names:?}");
     let quadriceps = units.iter().find(|u| u.len() > 1).unwrap();
     assert_eq!((units.len(), quadriceps.len()), (1, 4), "{names:?}");
-    let coupling = prepared.two_way(&comparison, Scheme::IqnIls(1.0), 16).unwrap();
+    let coupling =
+        prepared.two_way(&comparison, Configuration::WithoutContact, Scheme::IqnIls(1.0), 16).unwrap();
     let (first, last) = (&coupling.passes[0], coupling.passes.last().unwrap());
     for (k, pass) in coupling.passes.iter().enumerate() {
         println!(
@@ -106,7 +108,8 @@ fn with_contact_passes_settle_and_missing_moments_fall() {
     let scene = "muscles = [\"gluteus_maximus\", \"gluteus_medius\", \"vastus_lateralis\"]\nresolution_mm = 18.0\n\
                  [accuracy]\ncontact_residual_n = 0.5\n";
     let (prepared, comparison) = solved_in(scene, PerConfiguration { without: false, with: true });
-    let coupling = prepared.two_way(&comparison, Scheme::IqnIls(1.0), 16).unwrap();
+    let coupling =
+        prepared.two_way(&comparison, Configuration::WithContact, Scheme::IqnIls(1.0), 16).unwrap();
     let passes = &coupling.passes;
     for (k, p) in passes.iter().enumerate() {
         println!("{}: {:?} {:.3} N m {:?}", k + 1, p.change, p.largest_missing(), p.changed_most);

@@ -6,6 +6,7 @@
 use nalgebra::DMatrix;
 
 use crate::model::{FLAT_FOOT, Model};
+use crate::muscle::MuscleTendon;
 use crate::muscle::hill::{self, FibreVelocity, HillError, HillResult, Settings};
 use crate::muscle::musculotendon::{GenericPosture, MusculotendonModel};
 use crate::natural::SegmentId;
@@ -73,6 +74,16 @@ pub fn frame_rate(time: &[f64]) -> f64 {
     if n > 1 { (n - 1) as f64 / (time[n - 1] - time[0]) } else { 1.0 }
 }
 
+/// Parameters of the generic muscles with the strengths of `model`.
+pub fn units(model: &Model) -> Vec<MuscleTendon> {
+    let generic = &MusculotendonModel::generic().units;
+    generic
+        .iter()
+        .zip(&model.muscles)
+        .map(|(unit, m)| MuscleTendon { f_max: m.f_max, ..unit.clone() })
+        .collect()
+}
+
 /// Fills the activations of `effort` and returns what the Hill model says beside them.
 pub fn activate(
     model: &Model,
@@ -80,7 +91,6 @@ pub fn activate(
     effort: &mut Effort,
     settings: &Settings,
 ) -> Result<HillResult, HillError> {
-    let generic = MusculotendonModel::generic();
     let lengths = musculotendon_lengths(&generic_postures(model, motion));
     let rate = frame_rate(&effort.time);
     let mut settings = *settings;
@@ -90,7 +100,7 @@ pub fn activate(
         // The frames are too slow to hold anything that the filter would remove.
         settings.velocity = FibreVelocity::Differences;
     }
-    let result = hill::activations(&generic.units, &lengths, &effort.forces.values, rate, &settings)?;
+    let result = hill::activations(&units(model), &lengths, &effort.forces.values, rate, &settings)?;
     effort.activations.values.copy_from(&result.activation);
     Ok(result)
 }

@@ -6,12 +6,12 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::activation::{frame_rate, musculotendon_lengths};
+use crate::activation::{frame_rate, musculotendon_lengths, units};
 use crate::filter::{LowPass, differentiate};
 use crate::model::Model;
 use crate::muscle::MuscleTendon;
 use crate::muscle::hill::{self, EquilibriumError, FibreVelocity, HillError, Settings, Tendon};
-use crate::muscle::musculotendon::{GenericPosture, MusculotendonModel};
+use crate::muscle::musculotendon::GenericPosture;
 use crate::sharing::Capacity;
 use crate::trial::Motion;
 
@@ -32,7 +32,7 @@ pub fn capacities(
     settings: &Settings,
     follows: Follows,
 ) -> Result<Vec<Capacity>, HillError> {
-    let units = &MusculotendonModel::generic().units;
+    let units = units(model);
     let lengths = musculotendon_lengths(postures);
     let time: Vec<f64> = motion.report.clone().map(|k| motion.time[k]).collect();
     let velocities = velocities(&lengths, frame_rate(&time), settings.velocity)?;

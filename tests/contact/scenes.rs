@@ -435,7 +435,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 }
 
 #[test]
-fn solutions_of_one_plan_at_once_neither_wait_for_each_other_nor_change_a_bit() {
+fn solutions_of_one_plan_at_once_are_that_of_one_alone() {
     let (scene, mesh, poses) = random_scene(4);
     let poses: Vec<_> = poses.iter().map(|(n, p)| (n.as_str(), *p)).collect();
     let answer = |plan: &Plan| {

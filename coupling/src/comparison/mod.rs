@@ -385,20 +385,20 @@ impl Prepared {
         Ok(comparison)
     }
 
-    /// Two-way coupling from the one-way result of the one configuration that was solved, `most` passes at most. Needs Hill fibres and all
-    /// steps solved.
+    /// Two-way coupling from the one-way result in a configuration, `most` passes at most. Needs Hill fibres and all steps solved.
     pub fn two_way(
         &self,
         comparison: &Comparison,
+        configuration: Configuration,
         scheme: Scheme,
         most: usize,
     ) -> Result<Coupling, CouplingError> {
-        let solved: Vec<_> = comparison.solutions.present().collect();
-        let (Calibration::Hill { muscles, units, scale }, [(configuration, solution)]) =
-            (&comparison.calibration, &solved[..])
+        let (Calibration::Hill { muscles, units, scale }, Some(solution)) =
+            (&comparison.calibration, &comparison.solutions[configuration])
         else {
-            let why = "two-way coupling needs Hill fibres, and one configuration, without or with contact";
-            return Err(CouplingError::Option(why.into()));
+            let why =
+                format!("two-way coupling needs Hill fibres and the one-way result {}", configuration.name());
+            return Err(CouplingError::Option(why));
         };
         let first: Vec<&Frame> = solution.at_steps().collect();
         if first.len() < self.steps.len() {
@@ -415,12 +415,12 @@ impl Prepared {
             steps: &self.steps,
             thigh: &comparison.thigh,
             plan,
-            sewn: &self.sewn(&comparison.thigh, plan, *configuration)?,
+            sewn: &self.sewn(&comparison.thigh, plan, configuration)?,
             drive: &way,
             units,
             fits: &fits,
             scale: *scale,
-            settings: &settings_of(&self.scene, *configuration),
+            settings: &settings_of(&self.scene, configuration),
         };
         two_way.passes(&first, scheme, most)
     }
@@ -444,12 +444,12 @@ impl Prepared {
     pub fn adopt(
         &self,
         comparison: &mut Comparison,
+        configuration: Configuration,
         last: &[Coupled],
         took: Duration,
         folder: &Path,
     ) -> Result<(), CouplingError> {
-        let solved = comparison.solutions.present().map(|(c, _)| c).next().expect("the passes began from it");
-        let one_way = comparison.solutions[solved].take().expect("it is present");
+        let one_way = comparison.solutions[configuration].take().expect("the passes began from it");
         let Solution { plan, run: before, steps: forces, on_the_way, .. } = one_way;
         let way = drive(&plan, &comparison.thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
         let mut run = Run {
@@ -467,7 +467,7 @@ impl Prepared {
         let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
         let write = |run: &Run, name: &str| write_run(&plan, &way, run, &folder.join(name), "thigh", &beside);
         write(&before, ONE_WAY_FOLDER)
-            .and_then(|()| write(&run, solved.folder()))
+            .and_then(|()| write(&run, configuration.folder()))
             .map_err(CompareError::from)?;
         let steps: Vec<RigidStep> = self
             .steps
@@ -475,9 +475,10 @@ impl Prepared {
             .zip(last)
             .map(|(step, coupled)| self.coupled_step(&comparison.thigh, step, coupled))
             .collect();
-        comparison.solutions[solved] = Some(measured(plan, &comparison.thigh, run, &steps, on_the_way, took));
+        comparison.solutions[configuration] =
+            Some(measured(plan, &comparison.thigh, run, &steps, on_the_way, took));
         let steps = std::mem::replace(&mut comparison.steps, steps);
-        comparison.one_way = Some(OneWay { configuration: solved, steps, run: before, forces });
+        comparison.one_way = Some(OneWay { configuration, steps, run: before, forces });
         Ok(())
     }
 

@@ -20,7 +20,7 @@ use coupling::comparison::compare::MuscleForce;
 use coupling::comparison::estimate::{Expected, Work};
 use coupling::comparison::explain::write_calibration;
 use coupling::comparison::{Comparison, Prepared, STAGES, Sized};
-use coupling::configuration::PerConfiguration;
+use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::number::plain;
 use coupling::scene::StressFree;
 use coupling::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
@@ -250,10 +250,12 @@ pub(super) fn carry_out(
     record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
     record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
     let clock = Instant::now();
-    let coupling = two_way.map(|(scheme, most)| prepared.two_way(&comparison, scheme, most)).transpose()?;
+    let coupled = if asked.with { Configuration::WithContact } else { Configuration::WithoutContact };
+    let coupling =
+        two_way.map(|(scheme, most)| prepared.two_way(&comparison, coupled, scheme, most)).transpose()?;
     let Coupling { passes, last, capacities, shortcomings: unsettled } = coupling.unwrap_or_default();
     if !last.is_empty() {
-        prepared.adopt(&mut comparison, &last, clock.elapsed(), folder)?;
+        prepared.adopt(&mut comparison, coupled, &last, clock.elapsed(), folder)?;
     }
     if two_way.is_some() {
         progress.lap(TWO_WAY);
