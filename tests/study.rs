@@ -110,10 +110,10 @@ fn strengths_bound_the_forces() {
     );
     assert!(active > 0.8, "a weak muscle works hard: {active}");
     // By its state: what it can do at most, lengthening and with what it has of passive force, is as much weaker.
-    let (_, free, _) = peak(OptimizeOptions::revised(), 1.0);
-    let (weak, bounded, active) = peak(OptimizeOptions::revised(), 0.1);
+    let (_, free, calm) = peak(OptimizeOptions::revised(), 1.0);
+    let (weak, bounded, active) = peak(OptimizeOptions::revised(), 0.05);
     assert!(free > 2.0 * weak && bounded < 2.0 * weak, "{free} N unbounded, {bounded} N of {weak} N");
-    assert!(active > 0.8, "a weak muscle works hard: {active}");
+    assert!(active > 2.0 * calm, "a weak muscle works harder: {active} for {calm}");
 }
 
 #[test]
@@ -199,7 +199,7 @@ fn kill_workers(study: u32, times: usize) {
 fn a_worker_that_is_killed_loses_nothing_and_doubles_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    fs::write(at.join("walker.toml"), WALKER.replace("samples = 6", "samples = 30")).unwrap();
+    fs::write(at.join("walker.toml"), WALKER.replace("samples = 6", "samples = 12")).unwrap();
     let start = |out: &str| {
         let arguments = ["study", "walker.toml", "--workers", "2", "--out", out];
         Command::new(program())
@@ -260,7 +260,9 @@ fn mistakes_are_named_before_anything_runs() {
     let output = sartorius(&["study", "wrong.toml", "--out", "out"], at);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
-    for words in ["line 9", "did you mean `optimize.cost`?", "line 12", "did you mean `landmarks`?"] {
+    for words in
+        ["line 6", "line 10", "did you mean `optimize.cost`?", "line 13", "did you mean `landmarks`?"]
+    {
         assert!(said.contains(words), "{words} in {said}");
     }
     assert!(!at.join("out").exists());
@@ -309,7 +311,7 @@ fn runs_of_a_scene_are_those_of_the_command() {
 /// Indices of a study once more from its table, by the formulas as they are printed.
 #[test]
 fn indices_are_those_of_the_table() {
-    const SAMPLES: usize = 16;
+    const SAMPLES: usize = 8;
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     // Curves change activations and no force: of the scatter of forces they have no part, to the last bit.
