@@ -395,6 +395,7 @@ fn indices_are_those_of_the_table() {
 /// The same of scenes: three muscles, two workers or one, one of them killed.
 #[cfg(target_os = "linux")]
 #[test]
+#[ignore = "takes minutes; .ci/full runs it"]
 fn runs_of_a_scene_are_the_same_with_any_workers_and_after_one_is_killed() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
