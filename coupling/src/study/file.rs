@@ -99,7 +99,7 @@ impl Study {
         })
     }
 
-    /// Number of runs: subjects by settings by samples, of which each has so many [sets](Set) of values.
+    /// Number of runs: subjects by settings by samples, of which each has so many [sets](super::run::Set) of values.
     pub fn n_runs(&self) -> usize {
         self.samples * self.n_sets() * self.subjects.len() * self.settings.len()
     }
