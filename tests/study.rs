@@ -284,13 +284,13 @@ fn runs_of_a_scene_are_those_of_the_command() {
     let at = folder.path();
     let text = "run = \"compare\"\nscene = \"scene.toml\"\ncontact = \"without\"\nsamples = 2\n\n\
         [[vary]]\nkey = \"scene.materials.matrix_a_kpa\"\ndistribution = \"choice\"\nvalues = [3.0, 6.0]\n";
-    let scene = "muscles = [\"sartorius\"]\nresolution_mm = 20.0\n";
+    let scene = "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20.0\n";
     fs::write(at.join("scene.toml"), scene).unwrap();
     fs::write(at.join("one.toml"), text).unwrap();
     let output = sartorius(&["study", "one.toml", "--out", "out", "--quiet"], at);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let rows = table(&at.join("out/table.csv"));
-    let column = "heel_strike.no_contact.section_force_N.sartorius";
+    let column = "heel_strike.no_contact.section_force_N.gluteus_minimus";
     let stiff: Vec<f64> = rows.iter().map(|row| number(row, "scene.materials.matrix_a_kpa")).collect();
     assert!(stiff.contains(&3.0) && stiff.contains(&6.0), "{stiff:?}");
     for (row, a) in rows.iter().zip(stiff) {
@@ -301,7 +301,7 @@ fn runs_of_a_scene_are_those_of_the_command() {
         let quantities = fs::read_to_string(at.join("alone/quantities.csv")).unwrap();
         let line = quantities
             .lines()
-            .find(|l| l.starts_with("heel_strike,no_contact,section_force_N,sartorius,"))
+            .find(|l| l.starts_with("heel_strike,no_contact,section_force_N,gluteus_minimus,"))
             .unwrap();
         assert_eq!(line.rsplit(',').next().unwrap(), format!("{:.6e}", number(row, column)));
     }
@@ -395,13 +395,12 @@ fn indices_are_those_of_the_table() {
 /// The same of scenes: three muscles, two workers or one, one of them killed.
 #[cfg(target_os = "linux")]
 #[test]
-#[ignore = "takes minutes; .ci/full runs it"]
 fn runs_of_a_scene_are_the_same_with_any_workers_and_after_one_is_killed() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let text = "run = \"compare\"\nscene = \"scene.toml\"\ncontact = \"without\"\nsamples = 3\n\n\
         [[vary]]\nkey = \"strengths\"\ndistribution = \"normal\"\nsd = 0.1\n";
-    fs::write(at.join("scene.toml"), "muscles = [\"sartorius\"]\nresolution_mm = 20.0\n").unwrap();
+    fs::write(at.join("scene.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20.0\n").unwrap();
     fs::write(at.join("one.toml"), text).unwrap();
     for workers in ["1", "2"] {
         let output = sartorius(&["study", "one.toml", "--out", workers, "--workers", workers, "--quiet"], at);
