@@ -1,7 +1,7 @@
 //! Does a trial file give the trial that was recorded, and name the mistake when something is wrong?
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use multibody::InputError;
 use multibody::anatomy::Anatomy;
@@ -16,11 +16,7 @@ use multibody::walker::{Knee, walker};
 use nalgebra::Vector3;
 use support::c3d_file::C3dFile;
 use support::walking::{LEFT_PLATE, RIGHT_PLATE, Walking};
-use support::{sartorius, shared};
-
-fn shipped(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../gait-data/trials/{name}.toml"))
-}
+use support::{sartorius, shared, shipped_trial};
 
 const SHIPPED: [&str; 5] = ["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"];
 
@@ -161,7 +157,7 @@ fn recorded_cycles_agree_with_the_events() {
     }
     strikes.sort_by(|a, b| a.1.total_cmp(&b.1));
     for name in SHIPPED {
-        let trial = TrialFile::read(&shipped(name)).unwrap().load(Some(&data)).unwrap();
+        let trial = TrialFile::read(&shipped_trial(name)).unwrap().load(Some(&data)).unwrap();
         let times: Vec<f64> = strikes.iter().filter(|s| s.0 == name).map(|s| s.1).collect();
         let report = &trial.time[trial.report.clone()];
         let frame = 1.0 / 120.0;
@@ -190,7 +186,7 @@ fn recorded_cycles_agree_with_the_events() {
 fn recorded_landmarks_are_complete() {
     let Some(data) = shared("gait") else { return };
     for name in SHIPPED {
-        let file = TrialFile::read(&shipped(name)).unwrap();
+        let file = TrialFile::read(&shipped_trial(name)).unwrap();
         match file.landmarks(Some(&data)).unwrap().source {
             Landmarks::Table { items, recorded } => {
                 assert_eq!(recorded.len(), file.markers.all().count(), "{name}");
@@ -712,7 +708,7 @@ fn damaged_recordings_are_named_through_the_trial_file() {
         let file = format!("jw/{name}.c3d");
         std::fs::copy(data.join(&file), folder.path().join(&file)).unwrap();
     }
-    let trial = || TrialFile::read(&shipped("jw_ngait_og3")).unwrap().load(Some(folder.path()));
+    let trial = || TrialFile::read(&shipped_trial("jw_ngait_og3")).unwrap().load(Some(folder.path()));
     assert!(trial().is_ok());
     let whole = std::fs::read(data.join("jw/jw_ngait_og3.c3d")).unwrap();
     let path = folder.path().join("jw/jw_ngait_og3.c3d");
@@ -1032,7 +1028,7 @@ fn functional_landmarks_of_a_left_leg_are_those_of_its_mirror_image() {
         let path = folder.path().join("jw").join(trial).with_extension("trc");
         std::fs::write(path, mirrored.trc()).unwrap();
     }
-    let text = std::fs::read_to_string(shipped("jw_ngait_og3_both")).unwrap();
+    let text = std::fs::read_to_string(shipped_trial("jw_ngait_og3_both")).unwrap();
     let path = folder.path().join("both.toml");
     std::fs::write(&path, text.replace(".c3d", ".trc")).unwrap();
     let calibrated = |file: &Path, side, data: Option<&Path>| {
@@ -1040,7 +1036,7 @@ fn functional_landmarks_of_a_left_leg_are_those_of_its_mirror_image() {
         let (anatomy, quality) = calibrate(&spec, Sex::Male, &Shifts::none()).unwrap();
         (anatomy, quality.unwrap())
     };
-    let (right, seen) = calibrated(&shipped("jw_ngait_og3_both"), Side::Right, Some(&data));
+    let (right, seen) = calibrated(&shipped_trial("jw_ngait_og3_both"), Side::Right, Some(&data));
     let (left, seen_mirrored) = calibrated(&path, Side::Left, None);
     let numbers = |q: functional::Quality| [q.knee_rms, q.knee_range, q.ankle_rms, q.ankle_range];
     for (a, b) in numbers(seen).into_iter().zip(numbers(seen_mirrored)) {

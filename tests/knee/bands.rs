@@ -8,16 +8,11 @@ use multibody::share::{BAND_NAMES, SharingSettings, names, problem};
 use multibody::sharing::{Capacity, SharingOptions, SharingProblem, SharingSolver, extremes};
 use multibody::trial::Status;
 use nalgebra::{DMatrix, DVector};
-use support::{Random, shared};
+use support::{Random, shared, shipped_trial};
 
 fn run(trial: Option<&str>, form: Form, reserves: Option<f64>) -> Optimized {
     optimize(&OptimizeOptions {
-        trial: trial.map(|name| {
-            std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("../gait-data/trials")
-                .join(name)
-                .with_extension("toml")
-        }),
+        trial: trial.map(shipped_trial),
         data: shared("gait"),
         form,
         bands: true,

@@ -14,7 +14,7 @@ use multibody::trial::{MarkerTrack, Sex, Trial};
 use multibody::trial_file::{KneeRule, TrialFile};
 use multibody::walker::{Knee, walker};
 use nalgebra::Vector3;
-use support::shared;
+use support::{shared, shipped_trial};
 
 const HIP: Vector3<f64> = Vector3::new(-0.07797, -0.09088, 0.07376);
 
@@ -122,8 +122,7 @@ fn a_distance_of_the_subject_is_kept() {
 #[test]
 fn on_subject_dm_the_centre_comes_nearer_to_the_table() {
     let Some(data) = shared("gait") else { return };
-    let shipped =
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials/DM_ngait_og3.toml");
+    let shipped = shipped_trial("DM_ngait_og3");
     let table = TrialFile::read(&shipped).unwrap();
     let (truth, _) = calibrate(&table.landmarks(Some(&data)).unwrap(), Sex::Male, &Shifts::none()).unwrap();
     let text = std::fs::read_to_string(&shipped).unwrap();

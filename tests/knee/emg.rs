@@ -9,7 +9,7 @@ use multibody::share::SharingSettings;
 use multibody::trial::Table;
 use multibody::trial_file::TrialFile;
 use nalgebra::DMatrix;
-use support::{Random, shared};
+use support::{Random, shared, shipped_trial};
 
 const RATE: f64 = 1200.0;
 
@@ -69,8 +69,7 @@ fn bursts_agree_with_forces_that_come_a_delay_later() {
 #[test]
 fn names_of_channels_and_muscles_are_examined_together() {
     let Some(data) = shared("gait") else { return };
-    let shipped =
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials/jw_ngait_og3.toml");
+    let shipped = shipped_trial("jw_ngait_og3");
     let text = std::fs::read_to_string(&shipped).unwrap();
     let wrong = text.replace("medgas = \"gasmed\"", "medgass = \"gasmet\"");
     let file = TrialFile::parse(&shipped, wrong.as_bytes()).unwrap();
@@ -84,10 +83,9 @@ fn the_default_agrees_with_the_shipped_recordings_in_more_than_60_per_cent_of_fr
     let Some(data) = shared("gait") else { return };
     let mut all = Vec::new();
     for trial in ["jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"] {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials").join(trial);
         let form = Form::REVISED;
         let done = optimize(&OptimizeOptions {
-            trial: Some(path.with_extension("toml")),
+            trial: Some(shipped_trial(trial)),
             data: Some(data.clone()),
             form,
             sharing: SharingSettings {

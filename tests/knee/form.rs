@@ -3,16 +3,11 @@
 use coupling::form::Form;
 use coupling::optimize::{OptimizeOptions, Optimized, optimize};
 use multibody::share::SharingSettings;
-use support::shared;
+use support::{shared, shipped_trial};
 
 fn run(trial: Option<&str>, form: Form) -> Optimized {
     optimize(&OptimizeOptions {
-        trial: trial.map(|name| {
-            std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("../gait-data/trials")
-                .join(name)
-                .with_extension("toml")
-        }),
+        trial: trial.map(shipped_trial),
         data: shared("gait"),
         form,
         sharing: SharingSettings {
