@@ -43,8 +43,6 @@ const WEIGHT: f64 = 0.2;
 const STRIDE: usize = 2;
 /// Ends of the bands: nineteen of twenty samples lie within.
 const TAILS: [f64; 2] = [0.025, 0.975];
-/// Muscles, segments with a mass, and joint centres (hip, knee, ankle) that scatter.
-const N_MUSCLES: usize = 43;
 
 /// What came of the samples.
 #[derive(Clone, Debug, PartialEq)]
@@ -165,10 +163,10 @@ fn run(case: &Case, options: &OptimizeOptions, seeds: &Seeds) -> Result<Run, Cou
     let motion = track(&model, &case.trial, &case.filters);
     let mut loads = loads(&model, &motion, &case.trial, &case.filters);
     let mut known = Known::new(&model, &motion, &mut loads, case.is_cycle, options)?;
-    let stronger: Vec<f64> = (0..N_MUSCLES).map(|_| (STRENGTH * strengths()).exp()).collect();
-    let counted: Vec<f64> = (0..N_MUSCLES).map(|_| (WEIGHT * weights()).exp()).collect();
+    let stronger: Vec<f64> = model.muscles.iter().map(|_| (STRENGTH * strengths()).exp()).collect();
+    let counted: Vec<f64> = model.muscles.iter().map(|_| (WEIGHT * weights()).exp()).collect();
     for capacity in &mut known.capacities {
-        for m in 0..N_MUSCLES {
+        for m in 0..model.muscles.len() {
             let [least, greatest] = &mut capacity.bounds[m];
             *greatest = (*greatest * stronger[m]).max(*least);
             capacity.force_per_activation[m] *= counted[m];
@@ -242,8 +240,8 @@ fn indices(peaks: &[[f64; 3]], base: usize) -> Vec<Index> {
         let rows: Vec<usize> =
             (0..base).filter(|&row| (0..width).all(|set| at(row, set).is_finite())).collect();
         let outer: Vec<f64> = rows.iter().flat_map(|&row| [at(row, 0), at(row, 1)]).collect();
-        let variance =
-            mean_and_error(&outer.iter().map(|v| (v - mean(&outer)).powi(2)).collect::<Vec<_>>())[0];
+        let middle = mean(&outer);
+        let variance = mean(&outer.iter().map(|v| (v - middle).powi(2)).collect::<Vec<_>>());
         for (group, &name) in GROUPS.iter().enumerate() {
             let halves = |set: usize| -> [f64; 2] {
                 let squares: Vec<f64> =
