@@ -38,6 +38,11 @@ impl Changes {
     }
 }
 
+/// A number of TOML, whole or not.
+pub fn number(value: &Value) -> Option<f64> {
+    value.as_float().or(value.as_integer().map(|n| n as f64))
+}
+
 /// A scene with keys, dotted, in place of its own; an element of a list is called by its `name`: `step.heel_strike.knee_flexion_deg`.
 pub fn scene_with(
     base: &Scene,

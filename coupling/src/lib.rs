@@ -31,6 +31,7 @@ pub mod samples;
 pub mod scene;
 pub mod session;
 pub mod solve;
+mod source;
 pub mod steps;
 pub mod study;
 pub mod subject;

@@ -1,5 +1,6 @@
 //! Options of `optimize` by name, as its command line has them: what a study and Python set.
 
+use multibody::error::unknown;
 use multibody::keys::Kind::{Flag, Number, Word};
 use multibody::keys::Need::{Default as Is, Optional};
 use multibody::keys::{Key, key};
@@ -10,6 +11,7 @@ use multibody::sharing::{MuscleCost, ReactionCost};
 use multibody::trial_file::HipRule;
 use toml::Value;
 
+use crate::changes::number;
 use crate::form::{Bounds, Form, Passive};
 use crate::optimize::OptimizeOptions;
 
@@ -52,14 +54,11 @@ impl OptimizeOptions {
 /// Sets an option by name, the [`FORM`] before all others; an error says what it takes.
 pub fn set_option(options: &mut OptimizeOptions, name: &str, value: &Value) -> Result<(), String> {
     let Some(known) = OPTIONS.iter().find(|k| k.path == name) else {
-        let meant = multibody::error::nearest(name, OPTIONS.iter().map(|k| k.path));
-        let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-        let all: Vec<&str> = OPTIONS.iter().map(|k| k.path).collect();
-        return Err(format!("{meant}options of optimize are {}", all.join(", ")));
+        return Err(unknown(name, "options of optimize are", OPTIONS.iter().map(|k| k.path)));
     };
     let takes = || format!("give {} ({})", known.kind.words(known.unit), known.meaning);
     let word = value.as_str().unwrap_or("");
-    let number = value.as_float().or(value.as_integer().map(|n| n as f64));
+    let number = number(value);
     let sharing = &mut options.sharing;
     match (name, word) {
         (FORM, "revised") => options.take_form(Form::REVISED),

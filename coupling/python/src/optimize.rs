@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use command::output::tables;
 use coupling::optimize::{OptimizeOptions, Optimized, optimize_with};
 use coupling::options::set_option;
+use multibody::error::unknown;
 use multibody::shipped::{self, Kind};
 use multibody::trial::{Side, Status};
 use nalgebra::Vector3;
@@ -73,17 +74,15 @@ fn given(
             wrong.push(format!("landmarks: the shift of `{name}` is no number"));
         } else if !options.changes.landmarks.add(&name, shift) {
             let known = multibody::calibration::shifts::LANDMARKS;
-            let meant = multibody::error::nearest(&name, known.iter().copied());
-            let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-            wrong.push(format!("landmarks: there is no `{name}`; {meant}known are {}", known.join(", ")));
+            let remedy = unknown(&name, "known are", known.iter().copied());
+            wrong.push(format!("landmarks: there is no `{name}`; {remedy}"));
         }
     }
     let lines = coupling::study::names::muscle_lines();
     for (name, factor) in strengths.unwrap_or_default() {
         if !lines.contains(&name) {
-            let meant = multibody::error::nearest(&name, lines.iter().map(String::as_str));
-            let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-            wrong.push(format!("strengths: there is no `{name}`; {meant}known are {}", lines.join(", ")));
+            let remedy = unknown(&name, "known are", lines.iter().map(String::as_str));
+            wrong.push(format!("strengths: there is no `{name}`; {remedy}"));
         } else if !(factor.is_finite() && factor >= 0.0) {
             wrong.push(format!("strengths: the factor of `{name}` is {factor}; give a number of at least 0"));
         }

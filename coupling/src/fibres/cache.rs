@@ -79,13 +79,18 @@ pub fn content_hash(mesh: &Mesh, rest: &str) -> String {
     hex(digest.finalize())
 }
 
+/// SHA-256 of a text and of this program.
+pub fn program_hash(text: &str) -> String {
+    hex(Sha256::new().chain_update(text).chain_update(program()).finalize())
+}
+
 /// SHA-256 of a mesh and of `rest`, whichever program asks.
 pub fn lasting_hash(mesh: &Mesh, rest: &str) -> String {
     hex(of_mesh(mesh, rest).finalize())
 }
 
-/// SHA-256 of a text, hexadecimal.
-pub fn text_hash(text: &str) -> String {
+/// SHA-256 of a text or of bytes, hexadecimal.
+pub fn text_hash(text: impl AsRef<[u8]>) -> String {
     hex(Sha256::digest(text))
 }
 

@@ -104,7 +104,7 @@ impl RigidSide {
         let as_str: Vec<&str> = muscles.iter().map(String::as_str).collect();
         let units = units_as_meshed(&as_str, &done.model, &registration, &steps, scene.stress_free);
         let key =
-            text_hash(&format!("rigid{}{:?}{muscles:?}", scene.text, done.effort.forces.values.as_slice()));
+            text_hash(format!("rigid{}{:?}{muscles:?}", scene.text, done.effort.forces.values.as_slice()));
         let frames = (0..done.effort.time.len()).map(|_| OnceLock::new()).collect();
         let fibres = if scene.deformable { scene.fibres } else { Fibres::None };
         Ok(RigidSide { done, registration, fibres, muscles, lines, units, calibration, frames, key })

@@ -8,8 +8,8 @@ use multibody::shipped;
 use multibody::trial_file::TrialFile;
 use toml::Value;
 
-use super::vary::{Target, number};
-use crate::changes::{Changes, scene_with};
+use super::vary::Target;
+use crate::changes::{Changes, number, scene_with};
 use crate::optimize::OptimizeOptions;
 use crate::options::set_option;
 use crate::scene::Scene;

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 
 use multibody::InputError;
 use multibody::error::{Mistakes, Place};
-use multibody::keys::{examine, line_of};
+use multibody::keys::examine;
 use multibody::shipped;
 use multibody::trial_file::TrialFile;
-use sha2::{Digest, Sha256};
 use toml::{Spanned, Value};
 
 use super::admissible::Base;
@@ -18,8 +17,9 @@ use super::names::{known_key, muscle_lines, targets};
 use super::vary::{Dimension, Distribution, SOBOL, Sequence, Target};
 use crate::changes::scene_with;
 use crate::configuration::PerConfiguration;
-use crate::fibres::cache::content_hash;
+use crate::fibres::cache::{program_hash, text_hash};
 use crate::scene::{Scene, TomlKind, wanted};
+use crate::source::Source;
 
 /// Who is computed.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +89,9 @@ impl Study {
         wanted(TomlKind::Study, file, text)?;
         let mut wrong = Mistakes::default();
         let read = examine(file, text, KEYS, &mut wrong).and_then(|d| d.fill(file, text, &mut wrong));
-        let made = read.and_then(|entry: StudyFile| Reader { file, text, data }.study(entry, &mut wrong));
+        let made = read.and_then(|entry: StudyFile| {
+            Reader { source: Source { file, text }, data }.study(entry, &mut wrong)
+        });
         wrong.finish()?;
         made.ok_or_else(|| InputError::Malformed {
             file: file.to_path_buf(),
@@ -129,38 +131,27 @@ impl Study {
                 Some(text) => Some(text.as_bytes().to_vec()),
                 None => std::fs::read(&file).ok(),
             };
-            hashes += &bytes.map_or("absent".into(), |bytes| format!("{:x?}", Sha256::digest(bytes)));
+            hashes += &bytes.map_or("absent".into(), text_hash);
         }
         let scene = self.scene.as_ref().map_or("", |s| &s.text);
-        content_hash(&fem::mesh::Mesh::default(), &format!("{}{scene}{hashes}", self.text))
+        program_hash(&format!("{}{scene}{hashes}", self.text))
     }
 }
 
-/// The text that errors point into.
+/// What is read, and where recordings and surfaces are looked for.
 struct Reader<'a> {
-    file: &'a Path,
-    text: &'a str,
+    source: Source<'a>,
     data: Option<&'a Path>,
 }
 
 impl Reader<'_> {
-    fn bad(&self, byte: usize, key: &str, value: impl ToString, remedy: impl ToString) -> InputError {
-        InputError::BadValue {
-            file: self.file.to_path_buf(),
-            line: line_of(self.text, byte),
-            key: key.into(),
-            value: value.to_string(),
-            remedy: remedy.to_string(),
-        }
-    }
-
     fn study(&self, entry: StudyFile, wrong: &mut Mistakes) -> Option<Study> {
         let scene = match entry.run {
             RunKind::Compare => Some(self.scene(entry.scene.as_ref(), wrong)),
             RunKind::Optimize => {
                 if let Some(scene) = &entry.scene {
                     let remedy = "runs of `optimize` have no scene; give run = \"compare\"";
-                    wrong.note(self.bad(scene.span().start, "scene", "given", remedy));
+                    wrong.note(self.source.bad_at(scene.span().start, "scene", "given", remedy));
                 }
                 None
             }
@@ -175,13 +166,18 @@ impl Reader<'_> {
         for dimension in &dimensions {
             let column = dimension.target.column();
             if !seen.insert(column.clone()) {
-                wrong.note(self.bad(0, "vary", format!("`{column}` twice"), "let every key vary once"));
+                wrong.note(self.source.bad_at(
+                    0,
+                    "vary",
+                    format!("`{column}` twice"),
+                    "let every key vary once",
+                ));
             }
         }
         let indices = entry.indices.as_ref().is_some_and(|i| *i.get_ref());
         if let Some(asked) = entry.indices.as_ref().filter(|i| *i.get_ref() && entry.vary.is_empty()) {
             let remedy = "nothing varies; give [[vary]], or leave this key away";
-            wrong.note(self.bad(asked.span().start, "indices", true, remedy));
+            wrong.note(self.source.bad_at(asked.span().start, "indices", true, remedy));
         }
         let n_samples = entry.samples.as_ref().map_or(1, |s| *s.get_ref());
         let byte = entry.samples.as_ref().map_or(0, |s| s.span().start);
@@ -193,11 +189,11 @@ impl Reader<'_> {
             let remedy = format!(
                 "the Sobol sequence has {most} samples in {most_dimensions} dimensions; give sequence = \"random\""
             );
-            wrong.note(self.bad(byte, "samples", value, remedy));
+            wrong.note(self.source.bad_at(byte, "samples", value, remedy));
         }
         if indices && n_samples < LEAST {
             let remedy = format!("indices and how sure they are need {LEAST} samples at least");
-            wrong.note(self.bad(byte, "samples", n_samples, remedy));
+            wrong.note(self.source.bad_at(byte, "samples", n_samples, remedy));
         }
         let settings = self.settings(&entry.setting, wrong);
         for vary in entry.vary.iter().filter(|v| v.key.get_ref().starts_with("scene.")) {
@@ -218,11 +214,11 @@ impl Reader<'_> {
             entry.contact.as_ref().filter(|_| scene.is_some() && asked.with && !has_contact)
         {
             let remedy = "the scene has no contact; leave this key away";
-            wrong.note(self.bad(contact.span().start, "contact", "asked for", remedy));
+            wrong.note(self.source.bad_at(contact.span().start, "contact", "asked for", remedy));
         }
         let study = Study {
-            name: self.file.file_stem().map_or("study".into(), |s| s.to_string_lossy().into_owned()),
-            text: self.text.to_string(),
+            name: self.source.file.file_stem().map_or("study".into(), |s| s.to_string_lossy().into_owned()),
+            text: self.source.text.to_string(),
             kind: entry.run,
             scene,
             asked,
@@ -245,19 +241,24 @@ impl Reader<'_> {
     fn of_a_scene(&self, kind: RunKind, key: &str, byte: usize, wrong: &mut Mistakes) {
         if kind == RunKind::Optimize && key.starts_with("scene.") {
             let remedy = "runs of `optimize` have no scene; give run = \"compare\"";
-            wrong.note(self.bad(byte, "key", format!("`{key}`"), remedy));
+            wrong.note(self.source.bad_at(byte, "key", format!("`{key}`"), remedy));
         }
     }
 
     fn scene(&self, given: Option<&Spanned<PathBuf>>, wrong: &mut Mistakes) -> Option<Scene> {
         let name = given.map_or(PathBuf::from("walker"), |s| s.get_ref().clone());
-        let beside = self.file.with_file_name(&name);
+        let beside = self.source.file.with_file_name(&name);
         let file = if beside.is_file() { beside } else { name };
         let scene = Scene::read(&file, self.data).and_then(|s| scene_with(&s, &BTreeMap::new(), self.data));
         match (scene, given) {
             (Err(InputError::Io { file, .. }), Some(given)) => {
                 let value = format!("`{}`", file.display());
-                wrong.note(self.bad(given.span().start, "scene", value, "no such file beside the study"));
+                wrong.note(self.source.bad_at(
+                    given.span().start,
+                    "scene",
+                    value,
+                    "no such file beside the study",
+                ));
                 None
             }
             (scene, _) => wrong.keep(scene),
@@ -281,7 +282,12 @@ impl Reader<'_> {
             let name = entry.name.get_ref();
             if !names.insert(name) {
                 let remedy = "every subject has a name of its own";
-                wrong.note(self.bad(entry.name.span().start, "name", format!("`{name}` again"), remedy));
+                wrong.note(self.source.bad_at(
+                    entry.name.span().start,
+                    "name",
+                    format!("`{name}` again"),
+                    remedy,
+                ));
             }
             let path = entry.trial.get_ref();
             let trial =
@@ -293,7 +299,7 @@ impl Reader<'_> {
 
     /// A trial file that can be read; its recordings are looked for by the runs.
     fn trial(&self, given: &Spanned<PathBuf>, wrong: &mut Mistakes) -> Option<Option<PathBuf>> {
-        let beside = self.file.with_file_name(given.get_ref());
+        let beside = self.source.file.with_file_name(given.get_ref());
         let found = match beside.is_file() {
             true => Ok(std::path::absolute(&beside).unwrap_or(beside)),
             false => shipped::find(given.get_ref(), shipped::Kind::Trial),
@@ -308,7 +314,7 @@ impl Reader<'_> {
                     Err(InputError::Malformed { remedy, .. }) => remedy,
                     _ => "no such file beside the study".into(),
                 };
-                wrong.note(self.bad(given.span().start, "trial", value, remedy));
+                wrong.note(self.source.bad_at(given.span().start, "trial", value, remedy));
                 None
             }
         }
@@ -324,7 +330,12 @@ impl Reader<'_> {
             let name = entry.name.get_ref();
             if !names.insert(name) {
                 let remedy = "every setting has a name of its own";
-                wrong.note(self.bad(entry.name.span().start, "name", format!("`{name}` again"), remedy));
+                wrong.note(self.source.bad_at(
+                    entry.name.span().start,
+                    "name",
+                    format!("`{name}` again"),
+                    remedy,
+                ));
             }
             let mut keys = Vec::new();
             for (key, value) in &entry.keys {
@@ -332,7 +343,7 @@ impl Reader<'_> {
                     Ok(target) => keys.push((target, value.get_ref().clone())),
                     Err(remedy) => {
                         let value = format!("`{}`", key.get_ref());
-                        wrong.note(self.bad(key.span().start, "keys", value, remedy));
+                        wrong.note(self.source.bad_at(key.span().start, "keys", value, remedy));
                     }
                 }
             }
@@ -350,7 +361,7 @@ impl Reader<'_> {
     ) -> Vec<Dimension> {
         let (byte, key) = (entry.key.span().start, entry.key.get_ref());
         let targets = targets(key, muscles).unwrap_or_else(|remedy| {
-            wrong.note(self.bad(byte, "key", format!("`{key}`"), remedy));
+            wrong.note(self.source.bad_at(byte, "key", format!("`{key}`"), remedy));
             Vec::new()
         });
         match entry.distribution(targets.first()) {
@@ -359,7 +370,7 @@ impl Reader<'_> {
                 targets.into_iter().map(dimension).collect()
             }
             Err((what, why)) => {
-                wrong.note(self.bad(byte, what, "unusable", format!("of `{key}`: {why}")));
+                wrong.note(self.source.bad_at(byte, what, "unusable", format!("of `{key}`: {why}")));
                 Vec::new()
             }
         }
@@ -377,7 +388,7 @@ impl Reader<'_> {
             for (target, value) in &setting.keys {
                 if let Err(remedy) = base.takes(target, value) {
                     let byte = given.name.span().start;
-                    wrong.note(self.bad(byte, &target.column(), value, remedy));
+                    wrong.note(self.source.bad_at(byte, &target.column(), value, remedy));
                 }
             }
         }
@@ -394,7 +405,7 @@ impl Reader<'_> {
                 if let Err(remedy) = base.takes(&dimension.target, &value) {
                     let named = |v: &&VaryEntry| *v.key.get_ref() == dimension.target.column();
                     let byte = entry.vary.iter().find(named).map_or(0, |v| v.key.span().start);
-                    wrong.note(self.bad(byte, &dimension.target.column(), value, remedy));
+                    wrong.note(self.source.bad_at(byte, &dimension.target.column(), value, remedy));
                     break;
                 }
             }

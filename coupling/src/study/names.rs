@@ -1,7 +1,7 @@
 //! Which keys a study can set, and what is meant by a name that is none of them.
 
 use multibody::calibration::shifts::LANDMARKS;
-use multibody::error::nearest;
+use multibody::error::{hint, nearest, unknown};
 use multibody::keys::{Key, Kind};
 use multibody::trial_file;
 
@@ -17,21 +17,15 @@ pub fn targets(key: &str, muscles: &[String]) -> Result<Vec<Target>, String> {
         ("landmarks", None) => Ok(LANDMARKS.iter().flat_map(|name| of_landmark(name)).collect()),
         ("landmarks", Some(given)) => match LANDMARKS.iter().find(|name| **name == given) {
             Some(name) => Ok(of_landmark(name).collect()),
-            None => Err(unknown(given, "landmarks", LANDMARKS.iter().copied())),
+            None => Err(unknown(given, "landmarks are", LANDMARKS.iter().copied())),
         },
         ("strengths", None) => Ok(muscles.iter().cloned().map(Target::Strength).collect()),
         ("strengths", Some(given)) => match muscles.iter().any(|m| m == given) {
             true => Ok(vec![Target::Strength(given.into())]),
-            false => Err(unknown(given, "muscle lines", muscles.iter().map(String::as_str))),
+            false => Err(unknown(given, "muscle lines are", muscles.iter().map(String::as_str))),
         },
         _ => known_key(key).map(|target| vec![target]),
     }
-}
-
-fn unknown<'a>(given: &str, what: &str, all: impl Iterator<Item = &'a str> + Clone) -> String {
-    let meant = nearest(given, all.clone());
-    let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-    format!("{meant}{what} are {}", all.collect::<Vec<_>>().join(", "))
 }
 
 /// Names of the muscle lines, in the order of the model.
@@ -72,7 +66,7 @@ pub(super) fn known_key(key: &str) -> Result<Target, String> {
     let candidates: Vec<String> = all().chain(groups).collect();
     let ends_alike = || candidates.iter().find(|c| c.rsplit('.').next() == key.rsplit('.').next()).cloned();
     let meant = nearest(key, candidates.iter().map(String::as_str)).or_else(ends_alike);
-    let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
+    let meant = hint(meant);
     let space = key.split('.').next().unwrap_or("");
     let known: Vec<String> = all().filter(|c| c.split('.').next() == Some(space)).collect();
     Err(match known.is_empty() {

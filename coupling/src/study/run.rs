@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::file::Study;
-use super::vary::{Target, number};
-use crate::changes::{Changes, scene_with};
+use super::vary::Target;
+use crate::changes::{Changes, number, scene_with};
 use crate::comparison::{Prepared, Sized};
 use crate::configuration::Configuration;
 use crate::error::CouplingError;

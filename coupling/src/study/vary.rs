@@ -7,6 +7,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use statrs::distribution::{ContinuousCDF, LogNormal, Normal};
 use toml::Value;
 
+use crate::changes::number;
+
 /// Axes of the frame in which landmarks are shifted.
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Half a step of the sequence, which has 24 bits: no point is at the edge of the cube, where a normal distribution has no value.
@@ -120,11 +122,6 @@ fn within(distribution: &impl ContinuousCDF<f64, f64>, [low, high]: [f64; 2], u:
     let at = |bound: f64, end: f64| if bound.is_finite() { distribution.cdf(bound) } else { end };
     let (from, to) = (at(low, 0.0), at(high, 1.0));
     distribution.inverse_cdf(from + u * (to - from)).clamp(low, high)
-}
-
-/// A number of TOML, whole or not.
-pub fn number(value: &Value) -> Option<f64> {
-    value.as_float().or(value.as_integer().map(|n| n as f64))
 }
 
 /// What a run takes in place of its base.
