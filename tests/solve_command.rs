@@ -129,6 +129,28 @@ fn a_strap_presses_on_the_rod_as_its_ends_pull() {
     );
 }
 
+/// A body all of whose nodes are prescribed is there to be touched: it takes nothing from what is said of the others.
+#[test]
+fn what_nothing_can_move_changes_no_verdict() {
+    let [without, with] = [0, 1].map(|_| tempfile::tempdir().unwrap());
+    let frames = |folder: &Path| fs::read_to_string(folder.join("o/frames.csv")).unwrap();
+    solved("strap_over_rod", without.path());
+    copied("strap_over_rod", with.path());
+    let scene = with.path().join("strap_over_rod.toml");
+    let solid = "\n[[solids]]\nregion = \"rod\"\nlaw = { kind = \"neo_hookean\", young = 1e9, nu = 0.3 }\n";
+    fs::write(&scene, fs::read_to_string(&scene).unwrap() + solid).unwrap();
+    let checked = sartorius(&["check", "strap_over_rod.toml"], with.path());
+    let said = String::from_utf8_lossy(&checked.stdout).into_owned();
+    assert!(said.contains("islands that are solved apart: 1."), "{said}");
+    let output = sartorius(&["solve", "strap_over_rod.toml", "--out", "o", "--quiet"], with.path());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let columns = |table: &str| -> Vec<String> {
+        let said = |l: &str| l.split(',').skip(4).collect::<Vec<_>>().join(",");
+        table.lines().map(said).collect()
+    };
+    assert_eq!(columns(&frames(with.path())), columns(&frames(without.path())));
+}
+
 #[test]
 fn one_thread_and_two_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();

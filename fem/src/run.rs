@@ -2,7 +2,7 @@
 
 use crate::measure::{Sides, Snapshot, prescribed_overlaps};
 use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
-use crate::solve::{Advance, Iteration, Settings, SolveError, Solver, Way};
+use crate::solve::{Admissible, Advance, Iteration, Loading, Settings, SolveError, Solver, Way};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -289,8 +289,10 @@ impl<'a> Session<'a> {
                 let mut rows = Vec::new();
                 let result = match free.is_empty() {
                     true => {
-                        crate::solve::Loading::set_load(&mut potential, 1.0, &mut free);
-                        Ok(Advance::default())
+                        potential.set_load(1.0, &mut free);
+                        let least_det_f = potential.least_det_f(&free).0;
+                        // What nothing can move is at its minimum.
+                        Ok(Advance { least_det_f, tested_stable: true, ..Advance::default() })
                     }
                     false => solver.advance(&mut potential, &mut free, step, &mut rows),
                 };

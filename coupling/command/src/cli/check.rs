@@ -83,10 +83,10 @@ fn check(file: &Path, data: Option<&Path>) -> Result<String, CommandError> {
 fn of_own(scene: &OwnScene) -> String {
     let plan = &scene.plan;
     format!(
-        "Scene of `solve`: {} nodes, {} islands that are solved apart, {} frames. Left out: {}.",
+        "Scene of `solve`: {} nodes, {} frames, islands that are solved apart: {}. Left out: {}.",
         plan.mesh.points.len(),
-        plan.islands.len(),
         scene.drive.frames.len(),
+        plan.islands.iter().filter(|island| island.n_unknowns() > 0).count(),
         plan.absent.join(", ")
     )
 }

@@ -49,7 +49,7 @@ pub fn run(arguments: &SolveArguments, quiet: bool) -> Result<Outcome, CommandEr
         if !quiet {
             let (all, iterations) = (scene.drive.frames.len(), frame.count(|i| i.iterations));
             progress.pause(|| {
-                coupling::say!("frame {solved} of {all}: {} s, {iterations} iterations", frame.time)
+                coupling::say!("frame {solved} of {all}, at {} s: {iterations} iterations", frame.time)
             });
         }
     })
