@@ -46,7 +46,7 @@ fn an_empty_scene_is_the_walker() {
     assert_eq!((walker.stress_free, walker.fibres), (StressFree::Standing, Fibres::Hill));
     assert_eq!(walker.contact, Some(ContactMode::Guarded));
     let names: Vec<StepName> = walker.steps.iter().map(|s| s.name).collect();
-    assert_eq!(names, StepName::ALL);
+    assert_eq!(names, StepName::DEFAULT);
 }
 
 #[test]

@@ -32,6 +32,7 @@ fn knee(arms: &[f64], strength: &[f64], tau: f64) -> SharingProblem {
         lower_x: DVector::zeros(0),
         upper_x: DVector::zeros(0),
         w_f: DVector::repeat(n, 1.0),
+        target_f: None,
         w_x: DVector::zeros(0),
         w_s: None,
     }
@@ -319,6 +320,7 @@ fn opensim_instances(folder: &std::path::Path) -> Vec<Instance> {
             lower_x: DVector::zeros(0),
             upper_x: DVector::zeros(0),
             w_f: strength.map(|f| 1.0 / (f * f)),
+            target_f: None,
             w_x: DVector::zeros(0),
             w_s: Some(DVector::repeat(23, 1.0)),
         };

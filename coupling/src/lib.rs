@@ -36,4 +36,5 @@ pub mod steps;
 pub mod study;
 pub mod subject;
 pub mod thigh;
+pub mod thigh_capacities;
 pub mod two_way;

@@ -10,15 +10,17 @@ use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::{calibrate, functional::Quality};
 use multibody::capability::{Follows, capacities};
 use multibody::emg;
+use multibody::informed::Informed;
 use multibody::loads::{Loads, loads};
 use multibody::model::{Ankle, KneeKind, Model, ModelError};
 use multibody::motion::track;
 use multibody::muscle::hill::{self, HillError, HillResult};
+use multibody::muscle::path::knee_angle;
 use multibody::passive;
 use multibody::read::read_knee_forces;
 use multibody::share::{SharingSettings, bands, share_each};
 use multibody::sharing::Capacity;
-use multibody::trial::{Effort, Filters, Motion, Side, Table, Trial};
+use multibody::trial::{Effort, Filters, Motion, Side, Status, Table, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
 use multibody::walker::{self, Knee, walker};
 
@@ -28,6 +30,7 @@ use crate::form::{Bounds, Form};
 use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
 use crate::scene::{TomlKind, wanted};
+use crate::thigh_capacities::ThighCapacities;
 
 /// What to optimize and how.
 #[derive(Clone, Debug, Default)]
@@ -46,10 +49,14 @@ pub struct OptimizeOptions {
     pub form: Form,
     /// Force sharing.
     pub sharing: SharingSettings,
+    /// Weight with which sharing heeds electromyography, relative to the cost of forces ([`Informed`]); `None`: not at all.
+    pub emg_weight: Option<f64>,
     /// Activations.
     pub hill: hill::Settings,
     /// Measured knee forces.
     pub measured: Option<PathBuf>,
+    /// Capacities of the deformable thigh over the cycle ([`ThighCapacities`]): forces are shared with them, too.
+    pub thigh: Option<PathBuf>,
     /// Least and greatest joint forces over all admissible sharings are wanted, too.
     pub bands: bool,
     /// How often the trial is computed with inputs that scatter ([`crate::samples`]); `None`: not at all.
@@ -109,14 +116,34 @@ pub struct Optimized {
     pub bands: Option<Table>,
     /// Passive joint moments beside those of the muscles \[N·m\], where they are known.
     pub passive: Option<Table>,
+    /// What electromyography said of forces, where sharing heeded it.
+    pub informed: Option<Informed>,
     /// Electromyography beside muscle forces, where the trial names it.
     pub emg: Option<Vec<emg::Compared>>,
+    /// Forces shared with the capacities of the deformable thigh, where they were given.
+    pub with_thigh: Option<WithThigh>,
     /// Comparison with measured knee forces.
     pub measured: Option<Overlay>,
     /// Why it was left out although asked for.
     pub not_compared: Option<String>,
     /// Stage and its wall time.
     pub stages: Vec<(&'static str, Duration)>,
+}
+
+/// Forces shared with what the muscles of the deformable thigh can do.
+#[derive(Clone, Debug)]
+pub struct WithThigh {
+    /// What they can do.
+    pub capacities: ThighCapacities,
+    /// Forces; activations are left at zero.
+    pub effort: Effort,
+}
+
+impl WithThigh {
+    /// Whether every frame is solved.
+    pub fn is_solved(&self) -> bool {
+        self.effort.verdicts.iter().all(|v| v.status == Status::Solved)
+    }
 }
 
 impl OptimizeOptions {
@@ -302,15 +329,20 @@ pub fn solve(
         clock = Instant::now();
     };
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
+    let thigh = options.thigh.as_deref().map(ThighCapacities::read).transpose()?;
     let model = model_of(&case, options)?;
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);
     lap("marker fit");
     let mut loads = loads(&model, &motion, &case.trial, &case.filters);
     lap("loads");
-    let known = Known::new(&model, &motion, &mut loads, case.is_cycle, options)?;
+    let unrelieved = thigh.is_some().then(|| loads.clone());
+    let known = Known::new(&model, &motion, &mut loads, case.is_cycle, options, None)?;
     let at = |frame: usize| known.capacity(frame);
-    let mut effort = share_each(&model, &motion, &loads, at, &options.sharing)?;
+    let (mut effort, informed) = share_known(&case, &model, &motion, &loads, &known, options)?;
+    let with_thigh = (thigh.zip(unrelieved))
+        .map(|(capacities, loads)| share_with_thigh(capacities, &case, &model, &motion, loads, options))
+        .transpose()?;
     lap("sharing");
     let bands = options.bands.then(|| {
         let bands = bands(&model, &loads, at, &options.sharing, &effort);
@@ -336,11 +368,55 @@ pub fn solve(
         hill,
         bands,
         passive,
+        informed,
         emg,
+        with_thigh,
         measured,
         not_compared,
         stages,
     })
+}
+
+/// Shares forces with what is known of muscles, a second time where electromyography is to be heeded.
+pub(crate) fn share_known(
+    case: &Case,
+    model: &Model,
+    motion: &Motion,
+    loads: &Loads,
+    known: &Known,
+    options: &OptimizeOptions,
+) -> Result<(Effort, Option<Informed>), CouplingError> {
+    let at = |frame: usize| known.capacity(frame);
+    let alone = share_each(model, motion, loads, at, &options.sharing, None)?;
+    let Some(weight) = options.emg_weight else { return Ok((alone, None)) };
+    let none = |why: &str| CouplingError::Option(format!("emg weight: {}: {why}", case.trial.name));
+    let recorded = case.emg.as_ref();
+    let recorded = recorded.ok_or_else(|| {
+        none("the trial has no electromyograms; add a section [emg], or leave the weight away")
+    })?;
+    let compared = emg::compare(recorded, &alone.time, &alone.forces);
+    let informed = Informed::new(&compared, &alone, at, weight)
+        .ok_or_else(|| none("no channel without defect and no solved frame is left to heed"))?;
+    Ok((share_each(model, motion, loads, at, &options.sharing, Some(&informed))?, Some(informed)))
+}
+
+/// Forces shared with the capacities of the thigh. `loads`: before anything passive came off.
+fn share_with_thigh(
+    capacities: ThighCapacities,
+    case: &Case,
+    model: &Model,
+    motion: &Motion,
+    mut loads: Loads,
+    options: &OptimizeOptions,
+) -> Result<WithThigh, CouplingError> {
+    let is_fitted = |k: usize| motion.fit[k].failure.is_none();
+    let flexion = |k: usize| -knee_angle(&model.shapes, &motion.Q[k]).to_degrees();
+    let knee: Vec<f64> =
+        motion.report.clone().map(|k| if is_fitted(k) { flexion(k) } else { f64::NAN }).collect();
+    capacities.check(&loads.time, &knee)?;
+    let known = Known::new(model, motion, &mut loads, case.is_cycle, options, Some(&capacities))?;
+    let (effort, _) = share_known(case, model, motion, &loads, &known, options)?;
+    Ok(WithThigh { capacities, effort })
 }
 
 /// The leg of a case in the form of `options`, with the strengths that they change.
@@ -360,13 +436,14 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// Capacities in the form of `options`; passive moments come off the `loads`.
+    /// Capacities in the form of `options`, of muscles of the thigh as it says; passive moments come off the `loads`.
     pub fn new(
         model: &Model,
         motion: &Motion,
         loads: &mut Loads,
         is_cycle: bool,
         options: &OptimizeOptions,
+        thigh: Option<&ThighCapacities>,
     ) -> Result<Known, HillError> {
         let form = &options.form;
         let follows = Follows { greatest: form.bounds == Bounds::State, least: form.passive.of_muscles() };
@@ -378,10 +455,19 @@ impl Known {
         } else {
             vec![Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect())]
         };
+        let capacities = match thigh {
+            None => capacities,
+            Some(thigh) => {
+                let of_lines = |k: usize| &capacities[if capacities.len() > 1 { k } else { 0 }];
+                let times = loads.time.iter().enumerate();
+                times.map(|(k, &time)| thigh.at(time, model, of_lines(k))).collect()
+            }
+        };
         let passive = form.passive.of_joints().then(|| {
             // A cycle is walked upright; otherwise the pelvis is upright where its spines are level.
             let upright = if is_cycle { passive::upright_tilt(motion) } else { 0.0 };
-            let muscles = follows.least.then_some(capacities.as_slice());
+            let knows_least = follows.least || thigh.is_some();
+            let muscles = knows_least.then_some(capacities.as_slice());
             passive::relieve(loads, &model.coordinate_names(), &postures, upright, muscles)
         });
         Ok(Known { capacities, passive })

@@ -27,6 +27,7 @@ pub const OPTIONS: &[Key] = &[
     key("unbounded", Flag, Is("false"), "", "No upper bounds on muscle forces", "true"),
     key("reserves", Number(f64::MIN_POSITIVE, f64::MAX), Optional("no reserve moments"), "1/(N·m)²", "Weight of squared reserve moments on every joint coordinate", "0.01"),
     key("raise_bounds", Number(1.0, f64::MAX), Optional("strengths stay"), "", "Where a frame is infeasible, raise all strengths by up to this factor", "1.5"),
+    key("emg_weight", Number(f64::MIN_POSITIVE, 1e6), Optional("electromyograms are compared and not heeded"), "", "Weight of the difference between forces and electromyograms of the trial, relative to the cost of the forces", "1.0"),
     key("curves", Word(&["thelen", "degroote"]), Is("\"thelen\""), "", "Muscle curves for activations", "\"degroote\""),
     key("tendon", Word(&["elastic", "rigid"]), Is("\"elastic\""), "", "Tendons for activations", "\"rigid\""),
     key("ankle", Word(&["universal", "parallel"]), Optional("that of the trial"), "", "Joint between shank and foot", "\"parallel\""),
@@ -77,11 +78,12 @@ pub fn set_option(options: &mut OptimizeOptions, name: &str, value: &Value) -> R
         ("joint_weights", "table") => sharing.reaction_cost = ReactionCost::Table,
         ("joint_weights", "none") => sharing.reaction_cost = ReactionCost::None,
         ("unbounded", _) => sharing.bounded = !value.as_bool().ok_or_else(takes)?,
-        ("reserves" | "raise_bounds", _) => {
-            let Number(least, _) = known.kind else { unreachable!("a number in the table") };
-            let number = number.filter(|v| v.is_finite() && *v >= least).ok_or_else(takes)?;
+        ("reserves" | "raise_bounds" | "emg_weight", _) => {
+            let Number(least, most) = known.kind else { unreachable!("a number in the table") };
+            let number = number.filter(|v| v.is_finite() && (least..=most).contains(v)).ok_or_else(takes)?;
             match name {
                 "reserves" => sharing.reserves = Some(number),
+                "emg_weight" => options.emg_weight = Some(number),
                 _ => sharing.options.raise_bounds = Some(number),
             }
         }

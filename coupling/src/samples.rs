@@ -9,7 +9,6 @@
 use multibody::loads::loads;
 use multibody::motion::track;
 use multibody::natural::SegmentId;
-use multibody::share::share_each;
 use multibody::trial::{Status, Table, Trial};
 use nalgebra::{DMatrix, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -18,7 +17,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use crate::error::CouplingError;
-use crate::optimize::{Case, Known, OptimizeOptions, model_of};
+use crate::optimize::{Case, Known, OptimizeOptions, model_of, share_known};
 
 /// Groups of inputs that scatter together.
 pub const GROUPS: [&str; 5] = ["landmarks", "strengths", "masses", "markers", "weights"];
@@ -162,7 +161,7 @@ fn run(case: &Case, options: &OptimizeOptions, seeds: &Seeds) -> Result<Run, Cou
     }
     let motion = track(&model, &case.trial, &case.filters);
     let mut loads = loads(&model, &motion, &case.trial, &case.filters);
-    let mut known = Known::new(&model, &motion, &mut loads, case.is_cycle, options)?;
+    let mut known = Known::new(&model, &motion, &mut loads, case.is_cycle, options, None)?;
     let stronger: Vec<f64> = model.muscles.iter().map(|_| (STRENGTH * strengths()).exp()).collect();
     let counted: Vec<f64> = model.muscles.iter().map(|_| (WEIGHT * weights()).exp()).collect();
     for capacity in &mut known.capacities {
@@ -172,7 +171,7 @@ fn run(case: &Case, options: &OptimizeOptions, seeds: &Seeds) -> Result<Run, Cou
             capacity.force_per_activation[m] *= counted[m];
         }
     }
-    let effort = share_each(&model, &motion, &loads, |k| known.capacity(k), &options.sharing)?;
+    let (effort, _) = share_known(&case, &model, &motion, &loads, &known, options)?;
     let column = |name: &str| effort.reactions.column(name).expect("a force of every knee");
     Ok(Run {
         medial: column("knee_medial"),

@@ -14,6 +14,7 @@ pub mod equilibrium;
 pub mod error;
 pub mod filter;
 pub mod ik;
+pub mod informed;
 pub mod joint;
 pub mod keys;
 pub mod kinematics;

@@ -77,10 +77,10 @@ pub fn relieve(
         let Some(reduced) = &mut loads.reduced[k] else { continue };
         let from_upright = GenericPosture { hip_flexion: posture.hip_flexion + upright, ..*posture };
         let all = moments(&from_upright);
+        let arms = muscles.map(|capacity| capacity[k].arms(&reduced.lever_arms));
         for (column, &(j, row)) in columns.iter().enumerate() {
-            let arms = reduced.lever_arms.row(row);
-            let of_muscles: f64 = muscles.map_or(0.0, |capacity| {
-                arms.iter().zip(&capacity[k].bounds).map(|(arm, bounds)| arm * bounds[0]).sum()
+            let of_muscles: f64 = muscles.zip(arms.as_ref()).map_or(0.0, |(capacity, arms)| {
+                arms.row(row).iter().zip(&capacity[k].bounds).map(|(arm, bounds)| arm * bounds[0]).sum()
             });
             values[(k, column)] = all[j] - of_muscles;
             reduced.moments[row] -= values[(k, column)];

@@ -5,6 +5,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::informed::Informed;
 use crate::loads::Loads;
 use crate::model::{Ankle, KneeKind, Model};
 use crate::sharing::{
@@ -78,10 +79,7 @@ pub fn problem(
     let n = model.muscles.len();
     let l_opt: Vec<f64> = model.muscles.iter().map(|m| m.l_opt).collect();
     let table = reactions_of(model);
-    let mut R = reduced.lever_arms.clone();
-    for given in &capacity.lever_arms {
-        R[(given.coordinate, given.muscle)] = given.arm;
-    }
+    let R = capacity.arms(&reduced.lever_arms);
     let most = |i: usize| if settings.bounded { capacity.bounds[i][1] } else { f64::INFINITY };
     Some(SharingProblem {
         R,
@@ -93,6 +91,7 @@ pub fn problem(
         lower_x: DVector::from_iterator(table.len(), table.iter().map(|r| r.lower)),
         upper_x: DVector::from_element(table.len(), f64::INFINITY),
         w_f: muscle_weights(settings.muscle_cost, capacity, &l_opt),
+        target_f: None,
         w_x: DVector::from_iterator(
             table.len(),
             table.iter().map(|r| match settings.reaction_cost {
@@ -112,23 +111,27 @@ pub fn share(
     capacity: &Capacity,
     settings: &SharingSettings,
 ) -> Result<Effort, SharingError> {
-    share_each(model, motion, loads, |_| capacity, settings)
+    share_each(model, motion, loads, |_| capacity, settings, None)
 }
 
-/// The same with the capacity of each reported frame.
+/// The same with the capacity of each reported frame, and what electromyography says of forces where it is to be heeded.
 pub fn share_each<'a>(
     model: &Model,
     motion: &Motion,
     loads: &Loads,
     capacity: impl Fn(usize) -> &'a Capacity + Sync,
     settings: &SharingSettings,
+    informed: Option<&Informed>,
 ) -> Result<Effort, SharingError> {
     let names = names(model);
     let known: Vec<usize> = (0..loads.time.len()).filter(|&k| loads.reduced[k].is_some()).collect();
     let solved = share_frames(known.len(), &names, settings.options, |k| {
-        Ok::<_, SharingError>(
-            problem(model, loads, known[k], capacity(known[k]), settings).expect("loads are known"),
-        )
+        let frame = known[k];
+        let mut posed = problem(model, loads, frame, capacity(frame), settings).expect("loads are known");
+        if let Some(informed) = informed {
+            informed.inform(frame, &mut posed);
+        }
+        Ok::<_, SharingError>(posed)
     })?;
     let n = loads.time.len();
     let mut frames: Vec<Option<Sharing>> = vec![None; n];

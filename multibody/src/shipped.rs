@@ -33,7 +33,7 @@ macro_rules! files {
     };
 }
 
-const SCENES: &[File] = files!("scenes": "walker.toml" "walker_no_contact.toml" "walker_publication.toml" "three_muscles.toml"
+const SCENES: &[File] = files!("scenes": "walker.toml" "walker_cycle.toml" "walker_no_contact.toml" "walker_publication.toml" "three_muscles.toml"
     "no_fibres.toml" "rigid_only.toml" "DM_og3.toml" "JW_og3.toml" "real_surfaces.toml");
 const TRIALS: &[File] = files!("trials": "DM_ngait_og3.toml" "DM_ngait_og4.toml" "jw_ngait_og1.toml" "jw_ngait_og3.toml"
     "jw_ngait_og3_both.toml" "jw_ngait_og7.toml");

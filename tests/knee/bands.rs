@@ -172,6 +172,7 @@ fn the_ends_are_those_of_all_vertices() {
             lower_x: DVector::from_fn(2, |_, _| if random.chance(0.5) { -100.0 } else { f64::NEG_INFINITY }),
             upper_x: DVector::from_element(2, f64::INFINITY),
             w_f: DVector::repeat(n, 1.0),
+            target_f: None,
             w_x: DVector::zeros(2),
             w_s: None,
         };
@@ -208,6 +209,7 @@ fn what_nothing_bounds_is_infinite() {
         lower_x: DVector::zeros(1),
         upper_x: DVector::from_element(1, f64::INFINITY),
         w_f: DVector::repeat(2, 1.0),
+        target_f: None,
         w_x: DVector::zeros(1),
         w_s: None,
     };

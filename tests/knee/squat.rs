@@ -63,6 +63,7 @@ fn every_frame_of_a_squat_to_100_degrees_is_solved_with_a_prosthesis() {
             lower_x: DVector::from_iterator(table.len(), table.iter().map(|r| r.lower)),
             upper_x: DVector::from_element(table.len(), f64::INFINITY),
             w_f: muscle_weights(MuscleCost::Volume, &capacity, &l_opt),
+            target_f: None,
             w_x: DVector::zeros(table.len()),
             w_s: None,
         };

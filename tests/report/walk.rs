@@ -253,6 +253,7 @@ impl Walk {
             bands: None,
             passive: None,
             emg: None,
+            with_thigh: None,
             samples: None,
             gait2392: None,
         }

@@ -57,6 +57,7 @@ pub fn leg(seed: u64, cost: MuscleCost, weighted: bool) -> (Capacity, Vec<f64>, 
         lower_x: x.map(|x| (x - 50.0).min(0.0)),
         upper_x: DVector::repeat(nx, f64::INFINITY),
         w_f: muscle_weights(cost, &capacity, &l_opt),
+        target_f: None,
         w_x: DVector::from_fn(nx, |j, _| if weighted { [1e-6, 1.0, 2.0][j % 3] } else { 0.0 }),
         w_s: None,
         x0,
@@ -120,6 +121,7 @@ pub fn split(
         X: problem.X.select_columns(&source),
         lower_f: DVector::zeros(source.len()),
         w_f: muscle_weights(cost, &Capacity::nominal(strength.clone()), &l_opt),
+        target_f: None,
         upper_f: DVector::from_vec(strength),
         ..problem.clone()
     }
@@ -176,6 +178,7 @@ pub fn rank_deficient() -> Outcome {
         lower_x: DVector::zeros(0),
         upper_x: DVector::zeros(0),
         w_f: DVector::repeat(4, 1.0),
+        target_f: None,
         w_x: DVector::zeros(0),
         w_s: None,
     };

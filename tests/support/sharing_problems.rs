@@ -60,7 +60,25 @@ pub fn random_problem(random: &mut Random) -> SharingProblem {
             |_, _| if weighted { [0.0, 1e-6, 1.0, 2.0, 4.0][random.integer(0, 4)] } else { 0.0 },
         );
     let w_s = random.chance(0.1).then(|| DVector::from_fn(nc, |_, _| 10f64.powf(random.between(0.0, 4.0))));
-    SharingProblem { R, tau, x0, X, lower_f: DVector::zeros(nm), upper_f, lower_x, upper_x, w_f, w_x, w_s }
+    let target_f = random.chance(0.3).then(|| {
+        DVector::from_fn(nm, |i, _| {
+            if upper_f[i].is_finite() { random.between(-0.2, 1.2) * upper_f[i] } else { 0.0 }
+        })
+    });
+    SharingProblem {
+        R,
+        tau,
+        x0,
+        X,
+        lower_f: DVector::zeros(nm),
+        upper_f,
+        lower_x,
+        upper_x,
+        w_f,
+        target_f,
+        w_x,
+        w_s,
+    }
 }
 
 /// The tensions that the second solver finds; `None` when it says that there are none.
@@ -73,6 +91,10 @@ pub fn second_opinion(p: &SharingProblem) -> Option<DVector<f64>> {
     G.view_mut((0, 0), (nm, nm)).copy_from(&(DMatrix::from_diagonal(&p.w_f) + p.X.transpose() * &W * &p.X));
     let mut a = DVector::zeros(n);
     a.rows_mut(0, nm).copy_from(&(p.X.transpose() * &W * &p.x0));
+    if let Some(target) = &p.target_f {
+        let mut muscles = a.rows_mut(0, nm);
+        muscles -= p.w_f.component_mul(target);
+    }
     for k in 0..ns {
         G[(nm + k, nm + k)] = p.reserve_weight(k);
     }

@@ -64,8 +64,10 @@ fn column(configuration: Configuration) -> String {
 
 fn table(file: &Path, record: &Value) -> Anything<String> {
     let rows: Vec<Row> = csv::Reader::from_path(file)?.deserialize().collect::<Result<_, _>>()?;
-    let steps: Vec<StepName> =
-        StepName::ALL.into_iter().filter(|step| rows.iter().any(|row| row["step"] == step.name())).collect();
+    let steps: Vec<StepName> = StepName::DEFAULT
+        .into_iter()
+        .filter(|step| rows.iter().any(|row| row["step"] == step.name()))
+        .collect();
     let mut computed = Configuration::ALL.to_vec();
     computed.retain(|c| rows.iter().any(|row| !row[&column(*c)].is_empty()));
     let mut lines = vec![vec!["muscle, N".to_string()]];
@@ -102,8 +104,7 @@ fn table(file: &Path, record: &Value) -> Anything<String> {
     };
     lines.push(summary("mean difference of muscles that pull [largest of all]", &mean));
     let theirs = |step: &StepName, c| {
-        let [mean, largest] = published(*step, c);
-        format!("{mean:.1} [{largest:.1}]")
+        published(*step, c).map_or("–".into(), |[mean, largest]| format!("{mean:.1} [{largest:.1}]"))
     };
     lines.push(summary("published, another subject", &theirs));
     let shared = |step: &StepName, c| {

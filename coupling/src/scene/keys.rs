@@ -10,7 +10,7 @@ use multibody::keys::{Key, key, likeness, top_keys};
 use multibody::trial_file;
 
 use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
-use super::{DISTANCES, FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS};
+use super::{DISTANCES, FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS, STEPS};
 
 /// What a material constant may be.
 const fn of(constant: usize) -> multibody::keys::Kind {
@@ -63,8 +63,8 @@ pub const KEYS: &[Key] = &[
     key("materials.muscle.tendon_modulus_mpa", of(TENDON), Optional("that of all muscles"), "MPa", "Young's modulus of tendons along their fibres", "1200.0"),
     key("materials.muscle.tendon_section_mm2", of(SECTION), Optional("that of all muscles"), "mm²", "Section of a tendon of strands, per attachment", "30.0"),
 
-    key("step", Sections, Optional("both steps"), "", "Steps of the gait cycle that are solved", ""),
-    key("step.name", Word(&["heel_strike", "loading_response"]), Required, "", "Which step", "\"heel_strike\""),
+    key("step", Sections, Optional("heel strike and loading response"), "", "Steps of the gait cycle that are solved", ""),
+    key("step.name", Word(&STEPS), Required, "", "Which step; cycle_N is N % of the cycle, or of the reported frames", "\"heel_strike\""),
     key("step.knee_flexion_deg", Number(*FLEXIONS.start(), *FLEXIONS.end()), Optional("that of the trial"), "degrees", "Knee flexion in place of the trial's", "15.0"),
 ];
 

@@ -58,24 +58,60 @@ pub enum Fibres {
 
 /// Which instant of the gait cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(into = "&'static str", try_from = "String")]
 pub enum StepName {
     /// Heel strike: start of the cycle.
     HeelStrike,
     /// Loading response: 12 % of the cycle of the reference gait in `gait-data/reference_gait.csv`.
     LoadingResponse,
+    /// That many twentieths of the cycle, 1 to 20.
+    Twentieth(u8),
 }
 
+/// Names of all steps, by their time.
+pub const STEPS: [&str; 22] = [
+    "heel_strike",
+    "cycle_5",
+    "cycle_10",
+    "loading_response",
+    "cycle_15",
+    "cycle_20",
+    "cycle_25",
+    "cycle_30",
+    "cycle_35",
+    "cycle_40",
+    "cycle_45",
+    "cycle_50",
+    "cycle_55",
+    "cycle_60",
+    "cycle_65",
+    "cycle_70",
+    "cycle_75",
+    "cycle_80",
+    "cycle_85",
+    "cycle_90",
+    "cycle_95",
+    "cycle_100",
+];
+
 impl StepName {
-    /// Both, in the order of time.
-    pub const ALL: [StepName; 2] = [StepName::HeelStrike, StepName::LoadingResponse];
+    /// Both that are solved where a scene says nothing, in the order of time.
+    pub const DEFAULT: [StepName; 2] = [StepName::HeelStrike, StepName::LoadingResponse];
 
     /// Name as in `comparison.csv`.
     pub fn name(self) -> &'static str {
         match self {
-            StepName::HeelStrike => "heel_strike",
-            StepName::LoadingResponse => "loading_response",
+            StepName::HeelStrike => STEPS[0],
+            StepName::LoadingResponse => STEPS[3],
+            StepName::Twentieth(n @ ..3) => STEPS[usize::from(n)],
+            StepName::Twentieth(n) => STEPS[usize::from(n) + 1],
         }
+    }
+
+    /// The step of this name.
+    pub fn of(name: &str) -> Option<StepName> {
+        let all = StepName::DEFAULT.into_iter().chain((1..=20).map(StepName::Twentieth));
+        all.into_iter().find(|step| step.name() == name)
     }
 
     /// Fraction of the reported frames.
@@ -83,7 +119,22 @@ impl StepName {
         match self {
             StepName::HeelStrike => 0.0,
             StepName::LoadingResponse => 0.12,
+            StepName::Twentieth(n) => f64::from(n) / 20.0,
         }
+    }
+}
+
+impl From<StepName> for &'static str {
+    fn from(step: StepName) -> &'static str {
+        step.name()
+    }
+}
+
+impl TryFrom<String> for StepName {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<StepName, String> {
+        StepName::of(&name).ok_or_else(|| unknown(&name, "steps are", STEPS.iter().copied()))
     }
 }
 
@@ -259,7 +310,7 @@ impl SceneFile {
         let muscles = self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
         let stress_free = self.stress_free.as_ref().map_or(StressFree::default(), |s| *s.get_ref());
         let mut steps = at.steps(self.step.as_deref(), wrong);
-        steps.sort_by_key(|s| StepName::ALL.iter().position(|n| *n == s.name));
+        steps.sort_by(|a, b| a.name.fraction().total_cmp(&b.name.fraction()));
         let at_heel_strike = stress_free == StressFree::HeelStrike;
         if at_heel_strike && steps.first().is_some_and(|s| s.name != StepName::HeelStrike) {
             let line = self.stress_free.as_ref().map_or(1, |s| at.line(s.span().start));
@@ -397,7 +448,7 @@ impl Source<'_> {
 
     fn steps(&self, given: Option<&[StepEntry]>, wrong: &mut Mistakes) -> Vec<StepSpec> {
         let Some(given) = given else {
-            return StepName::ALL.iter().map(|&name| StepSpec { name, knee_flexion: None }).collect();
+            return StepName::DEFAULT.iter().map(|&name| StepSpec { name, knee_flexion: None }).collect();
         };
         if given.is_empty() {
             wrong.note(self.bad(1, "step", "an empty list", "leave it away for both steps"));

@@ -103,6 +103,8 @@ pub struct Coupling {
     pub last: Vec<Coupled>,
     /// What the thigh shows in the last pass, per step and muscle; empty where there is none but the first.
     pub capacities: Vec<Vec<MuscleCapacity>>,
+    /// Least and greatest tensions that follow from it \[N\].
+    pub bounds: Vec<Vec<[f64; 2]>>,
     /// Why the last pass is no settled result; empty where it is.
     pub shortcomings: Vec<String>,
 }
@@ -188,6 +190,9 @@ impl TwoWay<'_> {
             at = last.iter().map(|c| c.frame.clone()).collect();
             coupling.last = last;
             coupling.capacities = (0..self.steps.len()).map(|k| self.capacities_in(&image, k)).collect();
+            let bounds =
+                |of: &Vec<MuscleCapacity>| of.iter().zip(self.units).map(|(c, u)| c.bounds(u)).collect();
+            coupling.bounds = coupling.capacities.iter().map(bounds).collect();
             coupling.shortcomings = shared.into_iter().filter_map(|s| s.infeasible).collect();
             if change < TOLERANCE {
                 return Ok(coupling);

@@ -54,22 +54,25 @@ pub fn write_missing(
     Ok(())
 }
 
-/// `capacities.csv`: what every muscle can do at every step as the last pass shows it, to the last bit.
+/// `capacities.csv`: what every muscle can do at every step as the last pass shows it, to the last bit. `bounds`: least and greatest tension
+/// of every muscle at every step \[N\].
 pub fn write_capacities(
     w: &mut dyn Write,
     thigh: &Thigh,
     steps: &[RigidStep],
     capacities: &[Vec<MuscleCapacity>],
+    bounds: &[Vec<[f64; 2]>],
 ) -> io::Result<()> {
     write!(w, "step,muscle,elongation_m,tissue_N,through_belly")?;
     COORDINATES.iter().try_for_each(|coordinate| write!(w, ",{coordinate}_m"))?;
-    writeln!(w)?;
-    for (step, of_step) in steps.iter().zip(capacities) {
-        for (muscle, c) in thigh.muscles.iter().zip(of_step) {
+    writeln!(w, ",least_N,greatest_N,time_s,knee_flexion_deg")?;
+    for (step, (of_step, bounds)) in steps.iter().zip(capacities.iter().zip(bounds)) {
+        for (muscle, (c, [least, greatest])) in thigh.muscles.iter().zip(of_step.iter().zip(bounds)) {
             let MuscleCapacity { shift, tissue, through_belly, lever_arms } = c;
             write!(w, "{},{},{shift:?},{tissue:?},{through_belly:?}", step.name.name(), muscle.name)?;
             lever_arms.iter().try_for_each(|arm| write!(w, ",{arm:?}"))?;
-            writeln!(w)?;
+            let knee = step.knee_flexion.to_degrees();
+            writeln!(w, ",{least:?},{greatest:?},{:?},{knee:?}", step.time)?;
         }
     }
     Ok(())

@@ -8,7 +8,7 @@ use thiserror::Error;
 /// Share the required moments of one frame among muscles, with least weighted squares of forces:
 ///
 /// ```text
-/// min 1/2 ( Σ w_f f² + Σ w_x x² + Σ w_s s² )
+/// min 1/2 ( Σ w_f (f − target_f)² + Σ w_x x² + Σ w_s s² )
 ///     R f + s = tau            s = 0 where no reserves are asked for
 ///     x = x0 + X f
 ///     lower_f ≤ f ≤ upper_f,   lower_x ≤ x ≤ upper_x
@@ -36,6 +36,8 @@ pub struct SharingProblem {
     pub upper_x: DVector<f64>,
     /// Weights of the squared tensions, n_muscles \[1/N²\], positive.
     pub w_f: DVector<f64>,
+    /// Tensions that cost nothing, n_muscles \[N\], finite. `None`: zero.
+    pub target_f: Option<DVector<f64>>,
     /// Weights of the squared x, n_x \[1/N²\], not negative.
     pub w_x: DVector<f64>,
     /// Weights of the squared reserve moments, n_coordinates \[1/(N·m)²\], positive; infinite where a
@@ -105,13 +107,18 @@ impl SharingProblem {
         &self.x0 + &self.X * f
     }
 
-    /// Cost 1/2 (Σ w_f f² + Σ w_x x² + Σ w_s s²); coordinates without reserve do not count.
+    /// By how much the tensions `f` differ from those that cost nothing, n_muscles \[N\].
+    pub fn off_target(&self, f: &DVector<f64>) -> DVector<f64> {
+        self.target_f.as_ref().map_or_else(|| f.clone(), |target| f - target)
+    }
+
+    /// Cost 1/2 (Σ w_f (f − target_f)² + Σ w_x x² + Σ w_s s²); coordinates without reserve do not count.
     pub fn objective(&self, f: &DVector<f64>, s: &DVector<f64>) -> f64 {
         let squares = |w: &DVector<f64>, v: &DVector<f64>| -> f64 {
             w.iter().zip(v).filter(|(w, _)| w.is_finite()).map(|(w, v)| w * v * v).sum()
         };
         let reserves = self.w_s.as_ref().map_or(0.0, |w_s| squares(w_s, s));
-        0.5 * (squares(&self.w_f, f) + squares(&self.w_x, &self.reactions(f)) + reserves)
+        0.5 * (squares(&self.w_f, &self.off_target(f)) + squares(&self.w_x, &self.reactions(f)) + reserves)
     }
 
     /// Reserve weight of a coordinate; infinite where it has no reserve.
@@ -136,6 +143,9 @@ impl SharingProblem {
         for (what, vector) in [("lower_f", &self.lower_f), ("upper_f", &self.upper_f), ("w_f", &self.w_f)] {
             size(what, vector.len(), nm, "muscles")?;
         }
+        if let Some(target) = &self.target_f {
+            size("target_f", target.len(), nm, "muscles")?;
+        }
         size("w_x", self.w_x.len(), nx, "reactions")?;
         if let Some(w_s) = &self.w_s {
             size("w_s", w_s.len(), nc, "coordinates")?;
@@ -157,6 +167,9 @@ impl SharingProblem {
         }
         check("lower_f", &self.lower_f, &names.muscles, "a finite force", finite)?;
         check("w_f", &self.w_f, &names.muscles, "a positive finite weight", |w| w > 0.0 && w.is_finite())?;
+        if let Some(target) = &self.target_f {
+            check("target_f", target, &names.muscles, "a finite force", finite)?;
+        }
         check("w_x", &self.w_x, &names.reactions, "a weight of at least zero", |w| {
             w >= 0.0 && w.is_finite()
         })?;

@@ -52,6 +52,9 @@ impl Canonical {
             H.gemm(1.0, &problem.X.transpose(), &WX, 1.0);
             q.gemv_tr(1.0, &WX, &problem.x0, 0.0);
         }
+        if let Some(target) = &problem.target_f {
+            q -= problem.w_f.component_mul(target);
+        }
         let d = H.diagonal().map(|h| 1.0 / h.sqrt());
         for j in 0..n {
             for i in 0..n {

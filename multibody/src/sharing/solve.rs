@@ -41,7 +41,7 @@ pub struct Sharing {
     pub s: DVector<f64>,
     /// Moments that are missing, n_coordinates \[N·m\]: tau − R f − s of the least-violation answer.
     pub missing: DVector<f64>,
-    /// Cost 1/2 (Σ w_f f² + Σ w_x x² + Σ w_s s²).
+    /// Cost 1/2 (Σ w_f (f − target)² + Σ w_x x² + Σ w_s s²).
     pub objective: f64,
     /// Multipliers of the problem that was solved.
     pub multipliers: Multipliers,

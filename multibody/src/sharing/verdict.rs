@@ -26,7 +26,7 @@ pub struct Multipliers {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residuals {
     /// Gradient that no bound balances: d_i |g_i| / Λ over the muscles strictly within their bounds,
-    /// g = W_f f + Xᵀ W_x x − Rᵀ λ − Xᵀ μ; and for reserves |w_s s − λ| / max |λ|.
+    /// g = W_f (f − target) + Xᵀ W_x x − Rᵀ λ − Xᵀ μ; and for reserves |w_s s − λ| / max |λ|.
     pub stationarity: f64,
     /// Violated bounds \[N\] / Φ.
     pub primal: f64,
@@ -65,14 +65,14 @@ const AT_BOUND: f64 = 1e-9;
 /// Residuals of an answer (tensions `f`, reserves `s`) with its multipliers.
 pub fn residuals(p: &SharingProblem, f: &DVector<f64>, s: &DVector<f64>, m: &Multipliers) -> Residuals {
     let (n, nx, nc) = (p.n_muscles(), p.n_reactions(), p.n_coordinates());
-    let x = p.reactions(f);
+    let (x, off) = (p.reactions(f), p.off_target(f));
     let mut force = f.amax();
     let mut d = DVector::zeros(n);
     let mut g = DVector::zeros(n);
     let mut lambda_scale = f64::MIN_POSITIVE;
     for i in 0..n {
         let mut h = p.w_f[i];
-        let mut cost = p.w_f[i] * f[i];
+        let mut cost = p.w_f[i] * off[i];
         let mut rows = 0.0;
         let mut largest: f64 = 0.0;
         for j in 0..nx {
@@ -166,7 +166,7 @@ enum Slot {
 pub(super) fn active_bounds(p: &SharingProblem, f: &DVector<f64>, m: &Multipliers) -> (usize, Vec<usize>) {
     let x = p.reactions(f);
     let force = f.amax().max(x.iter().fold(0.0, |a: f64, b| a.max(b.abs())));
-    let cost: DVector<f64> = p.w_f.component_mul(f) + p.X.tr_mul(&p.w_x.component_mul(&x));
+    let cost: DVector<f64> = p.w_f.component_mul(&p.off_target(f)) + p.X.tr_mul(&p.w_x.component_mul(&x));
     let g = cost - p.R.tr_mul(&m.moments) - p.X.tr_mul(&m.reactions);
     let mut active = m.reactions.iter().filter(|mu| **mu != 0.0).count();
     let mut saturated = Vec::new();

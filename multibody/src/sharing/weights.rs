@@ -1,6 +1,6 @@
 //! What the sharing costs and what bounds it: muscle weights, the table of reactions, strengths.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// What the muscles can do in a frame. An input of force sharing; only *nominal* where nothing but the rigid leg is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +29,15 @@ impl Capacity {
     pub fn nominal(f_max: Vec<f64>) -> Capacity {
         let bounds = f_max.iter().map(|f| [0.0, *f]).collect();
         Capacity { force_per_activation: f_max, bounds, lever_arms: Vec::new() }
+    }
+
+    /// Lever arms \[m\], n_coordinates × n_muscles: those of the muscle lines where nothing else is given.
+    pub fn arms(&self, of_lines: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut arms = of_lines.clone();
+        for given in &self.lever_arms {
+            arms[(given.coordinate, given.muscle)] = given.arm;
+        }
+        arms
     }
 }
 

@@ -253,7 +253,7 @@ pub(super) fn carry_out(
     let coupled = if asked.with { Configuration::WithContact } else { Configuration::WithoutContact };
     let coupling =
         two_way.map(|(scheme, most)| prepared.two_way(&comparison, coupled, scheme, most)).transpose()?;
-    let Coupling { passes, last, capacities, shortcomings: unsettled } = coupling.unwrap_or_default();
+    let Coupling { passes, last, capacities, bounds, shortcomings: unsettled } = coupling.unwrap_or_default();
     if !last.is_empty() {
         prepared.adopt(&mut comparison, coupled, &last, clock.elapsed(), folder)?;
     }
@@ -313,7 +313,7 @@ pub(super) fn carry_out(
             write_missing(w, &comparison.thigh, &comparison.steps, &passes)
         })?;
         out.write("capacities.csv", |w| {
-            write_capacities(w, &comparison.thigh, &comparison.steps, &capacities)
+            write_capacities(w, &comparison.thigh, &comparison.steps, &capacities, &bounds)
         })?;
     } else {
         ["passes.csv", "missing_moments.csv", "capacities.csv"]

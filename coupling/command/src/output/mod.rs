@@ -141,6 +141,9 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
     write_csv(out, &at("muscle_forces"), &forces)?;
     write_csv(out, &at("activations"), &activations)?;
     write_csv(out, &at("joint_forces"), &tables::joint_forces(report.effort))?;
+    let with_thigh = report.with_thigh.map(|with| &with.effort);
+    write_if_any(out, &at("muscle_forces_with_thigh"), with_thigh.map(tables::muscle_forces))?;
+    write_if_any(out, &at("joint_forces_with_thigh"), with_thigh.map(tables::joint_forces))?;
     write_csv(out, &at("joint_moments"), &tables::joint_moments(report.loads))?;
     write_csv(out, &at("ground_reaction"), &tables::ground_reaction(report.loads))?;
     out.write(&at("verdicts.csv"), |w| tables::write_verdicts(w, report.motion, report.effort))?;

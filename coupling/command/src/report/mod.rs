@@ -29,6 +29,7 @@ use serde::Serialize;
 
 use crate::output::tables::Series;
 use coupling::measured::{Agreement, Overlay};
+use coupling::optimize::WithThigh;
 use coupling::samples::Samples;
 
 pub use optimize::optimize_page;
@@ -79,6 +80,8 @@ pub struct OptimizeReport<'a> {
     pub passive: Option<&'a Table>,
     /// Electromyography beside muscle forces.
     pub emg: Option<&'a [Compared]>,
+    /// Forces shared with what the muscles of the deformable thigh can do.
+    pub with_thigh: Option<&'a WithThigh>,
     /// The trial with inputs that scatter; absent where it was not asked for.
     pub samples: Option<&'a Samples>,
     /// The motion in coordinates of OpenSim's gait2392; absent where there is no model of the leg.

@@ -17,6 +17,7 @@ pub fn optimize_page(report: &OptimizeReport) -> String {
         view.headline(),
         view.knee(),
         view.bands(),
+        view.with_thigh(),
         view.samples(),
         view.measured(),
         view.motion(),

@@ -80,6 +80,7 @@ def optimize(
     unbounded: Optional[bool] = None,
     reserves: Optional[float] = None,
     raise_bounds: Optional[float] = None,
+    emg_weight: Optional[float] = None,
     curves: Optional[str] = None,
     tendon: Optional[str] = None,
     ankle: Optional[str] = None,
@@ -122,6 +123,9 @@ def optimize(
     raise_bounds
         Where a frame is infeasible, raise all strengths by up to this factor, at least 1; the frame stays unsolved, and
         `least_violation` tells the forces.
+    emg_weight
+        What it costs to be off the electromyograms of the trial, relative to what forces cost; moments and bounds hold as without. `None`:
+        they are not heeded.
     curves
         Muscle curves for activations: `"thelen"` (the default) or `"degroote"`.
     tendon
@@ -174,6 +178,7 @@ def optimize(
         unbounded=unbounded,
         reserves=reserves,
         raise_bounds=raise_bounds,
+        emg_weight=emg_weight,
         curves=curves,
         tendon=tendon,
         ankle=ankle,

@@ -72,6 +72,9 @@ pub struct OptimizeArguments {
     /// Where a frame is infeasible, raise all strengths together by up to this factor: what forces would do, in least_violation.csv. The frame stays unsolved.
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     raise_bounds: Option<f64>,
+    /// Heed the electromyograms of the trial: what it costs to be off them, relative to what forces cost. Moments and bounds hold as without.
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
+    pub(super) emg_weight: Option<f64>,
     /// Muscle curves for activations.
     #[arg(long, value_enum, default_value = "thelen")]
     curves: CurveChoice,
@@ -82,6 +85,11 @@ pub struct OptimizeArguments {
     /// those of the right knee.
     #[arg(long, value_name = "FILE")]
     pub(super) measured: Option<PathBuf>,
+    /// capacities.csv of `compare --two-way` on a scene of this trial with steps over the whole cycle: forces are shared a second time with what
+    /// the muscles of the deformable thigh can do; muscle_forces_with_thigh.csv, joint_forces_with_thigh.csv and a section of the page. Of a
+    /// trial of both legs: the right one.
+    #[arg(long, value_name = "FILE")]
+    pub(super) thigh: Option<PathBuf>,
     /// Print the verdict as JSON.
     #[arg(long)]
     pub(super) json: bool,
@@ -171,6 +179,7 @@ impl OptimizeArguments {
         };
         positive("reserves", self.reserves, f64::MIN_POSITIVE)?;
         positive("raise-bounds", self.raise_bounds, 1.0)?;
+        positive("emg-weight", self.emg_weight, f64::MIN_POSITIVE)?;
         if let Some(n) = self.samples.filter(|n| !(samples::LEAST..=MOST_SAMPLES).contains(n)) {
             let least = samples::LEAST;
             return Err(CommandError::Option(format!("--samples is {n}; give {least} to {MOST_SAMPLES}")));
@@ -208,7 +217,9 @@ impl OptimizeArguments {
                 },
                 ..hill::Settings::default()
             },
+            emg_weight: self.emg_weight,
             measured: self.measured.clone(),
+            thigh: self.thigh.clone(),
             side: None,
             changes: Default::default(),
         })
@@ -284,6 +295,8 @@ impl OptimizeArguments {
         options.extend(self.hip_centre.map(|h| ("hip-centre", name(&|| h.to_possible_value()))));
         options.extend(self.reserves.map(|w| ("reserves", number(w))));
         options.extend(self.raise_bounds.map(|f| ("raise-bounds", number(f))));
+        options.extend(self.emg_weight.map(|w| ("emg-weight", number(w))));
+        options.extend(self.thigh.as_ref().map(|file| ("thigh", file.to_string_lossy().into_owned())));
         options.extend(self.measured.as_ref().map(|file| ("measured", file.to_string_lossy().into_owned())));
         let trial = again.trial(&done.case.texts);
         again.arguments.push("optimize".into());
@@ -332,6 +345,13 @@ impl OptimizeArguments {
             .raise_bounds
             .map_or("never".into(), |limit| format!("by up to {} where a frame is infeasible", short(limit)));
         let reserves = self.reserves.map_or("none".into(), |w| format!("weight {} 1/(N·m)²", short(w)));
+        let heeded = done.informed.as_ref().map_or("no".into(), |informed| {
+            format!(
+                "weight {}; every channel is taken to reach an activation of {:.2}",
+                short(informed.weight),
+                informed.activation
+            )
+        });
         let force_hz = case.filters.force_hz.map_or("none".into(), |hz| format!("{} Hz", short(hz)));
         let curves = match self.curves {
             CurveChoice::Thelen => "Thelen 2003, gait2392 parameters",
@@ -354,6 +374,7 @@ impl OptimizeArguments {
             ("Bounds of muscle forces", bounds.into()),
             ("Bounds raised", raised),
             ("Reserves", reserves),
+            ("Electromyograms heeded", heeded),
             ("Low-pass of velocities and accelerations", format!("{} Hz", short(case.filters.motion_hz))),
             ("Low-pass of ground reaction", force_hz),
             ("Contact threshold", format!("{} N", short(case.filters.contact_threshold))),

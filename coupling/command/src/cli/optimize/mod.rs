@@ -26,10 +26,10 @@ use crate::output::{write_both_legs, write_optimize};
 use crate::report::both::BothLegs;
 use crate::report::{MuscleInfo, OptimizeReport, Summary};
 use coupling::error::CouplingError;
-use coupling::optimize::{Case, OptimizeOptions, Optimized, optimize_with, sides, solve, stages};
+use coupling::optimize::{Case, OptimizeOptions, Optimized, WithThigh, optimize_with, sides, solve, stages};
 use coupling::samples::{self, Samples};
 use coupling::subject::who;
-use words::{left_out, notes, print, simulated};
+use words::{left_out, notes, print, said_of_frames, simulated};
 
 pub use arguments::OptimizeArguments;
 pub(super) use arguments::find_trial;
@@ -90,6 +90,7 @@ impl Leg {
             bands: self.done.bands.as_ref(),
             passive: self.done.passive.as_ref(),
             emg: self.done.emg.as_deref(),
+            with_thigh: self.done.with_thigh.as_ref(),
             samples: self.samples.as_ref().map(|(samples, _)| samples),
             gait2392: Some(&self.gait2392),
         }
@@ -120,7 +121,7 @@ pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, Comman
     progress.lap("write");
     drop(progress);
     say(arguments.json, &summary, |out| print(out, &leg.done, &summary, &folder, files.len()));
-    Ok(outcome(&[&summary]))
+    Ok(outcome(&[&leg]))
 }
 
 /// Stages of one leg.
@@ -142,6 +143,8 @@ fn run_both(
         side: Some(side),
         // One knee is instrumented: that of the main tables.
         measured: options.measured.clone().filter(|_| side == Side::Right),
+        // The thigh of a scene is a right one.
+        thigh: options.thigh.clone().filter(|_| side == Side::Right),
         ..options.clone()
     };
     let of_leg = |side: Side, stage: &str| format!("{} {stage}", side.name());
@@ -177,7 +180,7 @@ fn run_both(
         }
         writeln!(out, "both legs side by side: {}", folder.join("report.html").display())
     });
-    Ok(outcome(&[&verdict.right, &verdict.left]))
+    Ok(outcome(&[&legs[0], &legs[1]]))
 }
 
 /// Legs in the order of their results.
@@ -210,8 +213,12 @@ fn stopped(side: Side, error: CouplingError) -> CommandError {
     }
 }
 
-fn outcome(summaries: &[&Summary]) -> Outcome {
-    if summaries.iter().all(|s| s.all_solved()) { Outcome::Solved } else { Outcome::NotSolved }
+fn outcome(legs: &[&Leg]) -> Outcome {
+    let is_solved = |leg: &&Leg| {
+        Summary::of(&leg.report()).all_solved()
+            && leg.done.with_thigh.as_ref().is_none_or(WithThigh::is_solved)
+    };
+    if legs.iter().all(is_solved) { Outcome::Solved } else { Outcome::NotSolved }
 }
 
 /// The verdict as JSON, or in words. A reader that closes the pipe early is no error.
@@ -247,6 +254,9 @@ fn record(arguments: &OptimizeArguments, legs: &[(&Leg, &Summary)]) -> Result<Ru
                 summary.frames
             ));
         }
+        if let Some(with_thigh) = done.with_thigh.as_ref().filter(|t| !t.is_solved()) {
+            reasons.push(format!("with the deformable thigh {}", said_of_frames(with_thigh)));
+        }
         for path in &done.case.inputs {
             let file = InputFile::of(path)?;
             if !record.inputs.contains(&file) {
@@ -264,7 +274,7 @@ fn record(arguments: &OptimizeArguments, legs: &[(&Leg, &Summary)]) -> Result<Ru
         record.iterations.insert(of_leg("marker fit"), fit as u64);
         record.iterations.insert(of_leg("sharing"), sharing);
     }
-    if let Some(path) = &arguments.measured {
+    for path in [&arguments.measured, &arguments.thigh].into_iter().flatten() {
         record.inputs.push(InputFile::of(path)?);
     }
     if !reasons.is_empty() {

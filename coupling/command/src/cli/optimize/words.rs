@@ -5,12 +5,13 @@ use std::path::Path;
 
 use multibody::emg;
 use multibody::sharing::KKT_TOLERANCE;
+use multibody::trial::Status;
 
 use super::arguments::{OptimizeArguments, word};
-use crate::report::Summary;
 use crate::report::problems::{Mark, Run, runs};
-use coupling::number::plain;
-use coupling::optimize::Optimized;
+use crate::report::{Summary, total_knee_force};
+use coupling::number::{plain, short};
+use coupling::optimize::{Optimized, WithThigh};
 use coupling::subject::words;
 
 pub(super) fn simulated(done: &Optimized) -> Vec<String> {
@@ -24,7 +25,13 @@ pub(super) fn simulated(done: &Optimized) -> Vec<String> {
 }
 
 pub(super) fn left_out(arguments: &OptimizeArguments, done: &Optimized) -> Vec<(String, String)> {
-    let mut list = vec![("Deformable thigh".to_string(), "optimize is the rigid side alone".to_string())];
+    let mut list = Vec::new();
+    if done.with_thigh.is_none() {
+        list.push((
+            "Deformable thigh".to_string(),
+            "optimize is the rigid side alone; --thigh takes what its muscles can do".to_string(),
+        ));
+    }
     let form = arguments.form();
     if !form.passive.of_muscles() {
         list.push((
@@ -121,6 +128,23 @@ fn warnings(done: &Optimized) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// How the frames ended that were shared with the deformable thigh.
+pub(super) fn said_of_frames(with_thigh: &WithThigh) -> String {
+    let verdicts = &with_thigh.effort.verdicts;
+    let unsolved: Vec<usize> =
+        (0..verdicts.len()).filter(|&k| verdicts[k].status != Status::Solved).collect();
+    let n = verdicts.len();
+    match unsolved.first() {
+        None => format!("{n} of {n} frames solved"),
+        Some(&first) => format!(
+            "{} of {n} frames solved; the first without at {:.3} s: {}",
+            n - unsolved.len(),
+            with_thigh.effort.time[first],
+            verdicts[first].reason.as_deref().unwrap_or("no reason given")
+        ),
+    }
 }
 
 /// Marker residual that no soft tissue explains \[m\].
@@ -228,6 +252,35 @@ pub(super) fn print(
             };
             writeln!(out, "    {:<20} {said} ({})", c.channel, c.muscles.join(" "))?;
         }
+    }
+    if let Some(informed) = &done.informed {
+        writeln!(
+            out,
+            "  EMG heeded             weight {}; every channel is taken to reach an activation of {:.2}",
+            short(informed.weight),
+            informed.activation
+        )?;
+    }
+    if let Some(with_thigh) = &done.with_thigh {
+        let peak = |effort| total_knee_force(effort).unwrap_or_default().into_iter().fold(f64::NAN, f64::max);
+        let between = with_thigh.capacities.between_steps();
+        writeln!(out, "  with the deformable thigh: {}", said_of_frames(with_thigh))?;
+        writeln!(
+            out,
+            "    peak knee force      {:.0} N, {:.0} N without",
+            peak(&with_thigh.effort),
+            peak(&done.effort)
+        )?;
+        writeln!(
+            out,
+            "    between its steps    lever arms are off by up to {:.1} mm ({} at {:.2} s), bounds of forces by up to {:.0} N ({} at {:.2} s)",
+            1e3 * between.arm.0,
+            between.arm.1,
+            between.arm.2,
+            between.bound.0,
+            between.bound.1,
+            between.bound.2
+        )?;
     }
     for note in warnings(done) {
         writeln!(out, "  note: {note}")?;

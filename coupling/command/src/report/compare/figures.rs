@@ -23,7 +23,7 @@ pub(super) fn bars(report: &CompareReport) -> String {
         .steps
         .iter()
         .zip(&all)
-        .map(|(step, rows)| figure(step_words(step.name), rows))
+        .map(|(step, rows)| figure(&step_words(step.name), rows))
         .collect();
     section(
         "Forces side by side",

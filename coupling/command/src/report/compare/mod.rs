@@ -186,10 +186,11 @@ fn named<S: serde::Serializer>(configuration: &Configuration, serializer: S) -> 
 }
 
 /// A step for people.
-pub fn step_words(step: StepName) -> &'static str {
+pub fn step_words(step: StepName) -> String {
     match step {
-        StepName::HeelStrike => "Heel strike",
-        StepName::LoadingResponse => "Loading response",
+        StepName::HeelStrike => "Heel strike".into(),
+        StepName::LoadingResponse => "Loading response".into(),
+        StepName::Twentieth(n) => format!("{} % of the cycle", 5 * n),
     }
 }
 

@@ -162,9 +162,9 @@ fn summary(report: &CompareReport) -> String {
         .differences()
         .iter()
         .map(|d| {
-            let [mean, largest] = published(d.step, d.configuration);
+            let [mean, largest] = published(d.step, d.configuration).unwrap_or([f64::NAN; 2]);
             vec![
-                step_words(d.step).into(),
+                step_words(d.step),
                 d.configuration.name().into(),
                 words(&d.largest_muscle),
                 fixed(d.mean.unwrap_or(f64::NAN), 1),
@@ -213,7 +213,7 @@ pub(super) fn explanations(report: &CompareReport) -> String {
                 let why = &why[i];
                 let some = |v: Option<f64>, digits| v.map_or("–".into(), |v| fixed(v, digits));
                 rows.push(vec![
-                    step_words(step.name).into(),
+                    step_words(step.name),
                     c.name().into(),
                     words(&row.muscle),
                     fixed(row.rigid, 1),

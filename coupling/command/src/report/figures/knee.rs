@@ -174,7 +174,7 @@ impl View<'_> {
 }
 
 /// Length of the force of a joint \[N\]; `None` where it has no three components.
-fn resultant(reactions: &Table, joint: &str) -> Option<Vec<f64>> {
+pub(super) fn resultant(reactions: &Table, joint: &str) -> Option<Vec<f64>> {
     let [x, y, z] = ["x", "y", "z"].map(|axis| reactions.column(&format!("{joint}_{axis}")));
     let (x, y, z) = (x?, y?, z?);
     Some((0..x.len()).map(|i| (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt()).collect())

@@ -1,6 +1,7 @@
-//! The figures of `optimize`: knee ([`knee`]), motion, loads, muscles, activations, other joints, quality.
+//! The figures of `optimize`: knee ([`knee`]), forces with the deformable thigh ([`with_thigh`]), motion, loads, muscles, activations, other joints, quality.
 
 mod knee;
+mod with_thigh;
 
 use std::fmt::Write;
 
