@@ -637,6 +637,14 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         format!("[[subject]]\nname = \"walk\"\ntrial = \"trials/walk.toml\"\n{recorded}"),
     )
     .unwrap();
+    let can = |step: &str, time: f64| format!("{step},gracilis,0,150,{time},6.5,0.01\n");
+    fs::write(
+        folder.join("can.csv"),
+        "step,muscle,least_N,greatest_N,time_s,knee_flexion_deg,knee_flexion_m\n".to_string()
+            + &can("heel_strike", 0.0)
+            + &can("cycle_100", 1.2421),
+    )
+    .unwrap();
     for arguments in [
         &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv", "--bands"][..],
         &["optimize", "--out", "n", "--knee", "implant", "--samples", "70"],
@@ -644,6 +652,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["compare", "hill.toml", "--out", "w", "--two-way", "--passes", "2"],
         &["compare", "hill.toml", "--out", "b", "--two-way", "--passes", "2", "--contact", "with"],
         &["optimize", "trials/walk.toml", "--out", "v"],
+        &["optimize", "--out", "h", "--thigh", "can.csv"],
         &["compare", "thermal.toml", "--out", "t"],
         &["mesh", "--resolution", "20", "--only", "gracilis", "--out", "m"],
         &["solve", &example("squashed_block"), "--out", "s"],
@@ -665,7 +674,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "n", "v", "c", "w", "b", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
+    for part in ["o", "n", "v", "h", "c", "w", "b", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

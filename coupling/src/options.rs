@@ -1,5 +1,7 @@
 //! Options of `optimize` by name, as its command line has them: what a study and Python set.
 
+use std::ops::RangeInclusive;
+
 use multibody::error::unknown;
 use multibody::keys::Kind::{Flag, Number, Word};
 use multibody::keys::Need::{Default as Is, Optional};
@@ -15,6 +17,9 @@ use crate::changes::number;
 use crate::form::{Bounds, Form, Passive};
 use crate::optimize::OptimizeOptions;
 
+/// Weights of electromyograms: below and above them one of the two costs is lost in the other's digits.
+pub const EMG_WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
+
 /// Options of `optimize`, as its command line names them.
 #[rustfmt::skip]
 pub const OPTIONS: &[Key] = &[
@@ -27,7 +32,7 @@ pub const OPTIONS: &[Key] = &[
     key("unbounded", Flag, Is("false"), "", "No upper bounds on muscle forces", "true"),
     key("reserves", Number(f64::MIN_POSITIVE, f64::MAX), Optional("no reserve moments"), "1/(N·m)²", "Weight of squared reserve moments on every joint coordinate", "0.01"),
     key("raise_bounds", Number(1.0, f64::MAX), Optional("strengths stay"), "", "Where a frame is infeasible, raise all strengths by up to this factor", "1.5"),
-    key("emg_weight", Number(f64::MIN_POSITIVE, 1e6), Optional("electromyograms are compared and not heeded"), "", "Weight of the difference between forces and electromyograms of the trial, relative to the cost of the forces", "1.0"),
+    key("emg_weight", Number(*EMG_WEIGHTS.start(), *EMG_WEIGHTS.end()), Optional("electromyograms are compared and not heeded"), "", "Weight of the difference between forces and electromyograms of the trial, relative to the cost of the forces", "1.0"),
     key("curves", Word(&["thelen", "degroote"]), Is("\"thelen\""), "", "Muscle curves for activations", "\"degroote\""),
     key("tendon", Word(&["elastic", "rigid"]), Is("\"elastic\""), "", "Tendons for activations", "\"rigid\""),
     key("ankle", Word(&["universal", "parallel"]), Optional("that of the trial"), "", "Joint between shank and foot", "\"parallel\""),

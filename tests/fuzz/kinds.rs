@@ -61,6 +61,7 @@ pub fn all() -> Vec<Kind> {
         kind("landmarks", |folder| of_trial(folder, "landmarks.csv")),
         kind("csv", table),
         kind("knee-force", knee_force),
+        kind("capacities", capacities),
         kind("scene", scene),
         kind("ladder", |_| {
             let text = repository("gait-data/ladders/walker.toml");
@@ -205,6 +206,18 @@ fn knee_force(_: &Path) -> Vec<Base> {
     let text = format!("Time(sec),PM,AM,AL,PL\n{}", cells.replace(", \n", "\n"));
     bases.push(of("cells.csv", text));
     bases
+}
+
+fn capacities(_: &Path) -> Vec<Base> {
+    let mut text =
+        "step,muscle,least_N,greatest_N,time_s,knee_flexion_deg,hip_flexion_m,knee_flexion_m\n".to_string();
+    for (step, time) in [("heel_strike", "0.0"), ("cycle_100", "1.2421")] {
+        for (muscle, most) in [("gracilis", 150), ("sartorius", 140), ("gluteus_maximus", 1500)] {
+            text += &format!("{step},{muscle},0,{most},{time},6.5,-0.02,0.01\n");
+        }
+    }
+    let optimize = command("optimize --thigh capacities.csv", 0.2);
+    vec![base("capacities.csv", text.into_bytes(), true, vec![optimize])]
 }
 
 fn scene(_: &Path) -> Vec<Base> {

@@ -18,6 +18,7 @@ use crate::output::origin::Again;
 use coupling::form::{Bounds, Form, Passive};
 use coupling::number::short;
 use coupling::optimize::{OptimizeOptions, Optimized};
+use coupling::options::EMG_WEIGHTS;
 use coupling::samples;
 
 #[derive(Args)]
@@ -179,7 +180,10 @@ impl OptimizeArguments {
         };
         positive("reserves", self.reserves, f64::MIN_POSITIVE)?;
         positive("raise-bounds", self.raise_bounds, 1.0)?;
-        positive("emg-weight", self.emg_weight, f64::MIN_POSITIVE)?;
+        if let Some(w) = self.emg_weight.filter(|w| !EMG_WEIGHTS.contains(w)) {
+            let (least, most) = (EMG_WEIGHTS.start(), EMG_WEIGHTS.end());
+            return Err(CommandError::Option(format!("--emg-weight is {w}; give {least} to {most}")));
+        }
         if let Some(n) = self.samples.filter(|n| !(samples::LEAST..=MOST_SAMPLES).contains(n)) {
             let least = samples::LEAST;
             return Err(CommandError::Option(format!("--samples is {n}; give {least} to {MOST_SAMPLES}")));
