@@ -144,6 +144,22 @@ impl WithThigh {
     pub fn is_solved(&self) -> bool {
         self.effort.verdicts.iter().all(|v| v.status == Status::Solved)
     }
+
+    /// How its frames ended.
+    pub fn words(&self) -> String {
+        let verdicts = &self.effort.verdicts;
+        let unsolved = || verdicts.iter().enumerate().filter(|(_, v)| v.status != Status::Solved);
+        let n = verdicts.len();
+        match unsolved().next() {
+            None => format!("{n} of {n} frames solved"),
+            Some((first, verdict)) => format!(
+                "{} of {n} frames solved; the first without at {:.3} s: {}",
+                n - unsolved().count(),
+                self.effort.time[first],
+                verdict.reason.as_deref().unwrap_or("no reason given")
+            ),
+        }
+    }
 }
 
 impl OptimizeOptions {

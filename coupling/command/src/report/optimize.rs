@@ -118,6 +118,13 @@ impl<'a> View<'a> {
                 self.when(when)
             );
         }
+        if let Some(with_thigh) = self.report.with_thigh.filter(|with| !with.is_solved()) {
+            let _ = writeln!(
+                out,
+                "<p class=\"verdict bad\"><b>With the deformable thigh not all</b><span>{}</span></p>",
+                escape(&with_thigh.words())
+            );
+        }
         out.push_str(&self.tiles());
         out.push_str("<h3>Verdict over time</h3>\n");
         out.push_str(&self.band());

@@ -29,7 +29,7 @@ use coupling::error::CouplingError;
 use coupling::optimize::{Case, OptimizeOptions, Optimized, WithThigh, optimize_with, sides, solve, stages};
 use coupling::samples::{self, Samples};
 use coupling::subject::who;
-use words::{left_out, notes, print, said_of_frames, simulated};
+use words::{left_out, notes, print, simulated};
 
 pub use arguments::OptimizeArguments;
 pub(super) use arguments::find_trial;
@@ -255,7 +255,7 @@ fn record(arguments: &OptimizeArguments, legs: &[(&Leg, &Summary)]) -> Result<Ru
             ));
         }
         if let Some(with_thigh) = done.with_thigh.as_ref().filter(|t| !t.is_solved()) {
-            reasons.push(format!("with the deformable thigh {}", said_of_frames(with_thigh)));
+            reasons.push(format!("with the deformable thigh {}", with_thigh.words()));
         }
         for path in &done.case.inputs {
             let file = InputFile::of(path)?;

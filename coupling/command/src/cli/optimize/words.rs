@@ -5,13 +5,12 @@ use std::path::Path;
 
 use multibody::emg;
 use multibody::sharing::KKT_TOLERANCE;
-use multibody::trial::Status;
 
 use super::arguments::{OptimizeArguments, word};
 use crate::report::problems::{Mark, Run, runs};
 use crate::report::{Summary, total_knee_force};
 use coupling::number::{plain, short};
-use coupling::optimize::{Optimized, WithThigh};
+use coupling::optimize::Optimized;
 use coupling::subject::words;
 
 pub(super) fn simulated(done: &Optimized) -> Vec<String> {
@@ -128,23 +127,6 @@ fn warnings(done: &Optimized) -> Vec<String> {
         ));
     }
     notes
-}
-
-/// How the frames ended that were shared with the deformable thigh.
-pub(super) fn said_of_frames(with_thigh: &WithThigh) -> String {
-    let verdicts = &with_thigh.effort.verdicts;
-    let unsolved: Vec<usize> =
-        (0..verdicts.len()).filter(|&k| verdicts[k].status != Status::Solved).collect();
-    let n = verdicts.len();
-    match unsolved.first() {
-        None => format!("{n} of {n} frames solved"),
-        Some(&first) => format!(
-            "{} of {n} frames solved; the first without at {:.3} s: {}",
-            n - unsolved.len(),
-            with_thigh.effort.time[first],
-            verdicts[first].reason.as_deref().unwrap_or("no reason given")
-        ),
-    }
 }
 
 /// Marker residual that no soft tissue explains \[m\].
@@ -264,7 +246,7 @@ pub(super) fn print(
     if let Some(with_thigh) = &done.with_thigh {
         let peak = |effort| total_knee_force(effort).unwrap_or_default().into_iter().fold(f64::NAN, f64::max);
         let between = with_thigh.capacities.between_steps();
-        writeln!(out, "  with the deformable thigh: {}", said_of_frames(with_thigh))?;
+        writeln!(out, "  with the deformable thigh: {}", with_thigh.words())?;
         writeln!(
             out,
             "    peak knee force      {:.0} N, {:.0} N without",

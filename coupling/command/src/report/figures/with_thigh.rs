@@ -59,13 +59,14 @@ impl View<'_> {
         }
         let between = with_thigh.capacities.between_steps();
         let lead = format!(
-            "Grey: forces of the rigid leg alone. Blue: the same moments shared among muscles of the thigh with the lever arms and the least and greatest tensions that the \
-             deformable thigh shows at the steps of `compare`; between them these are interpolated, which puts lever arms off by up to {} mm ({}) and bounds by up to {} N ({}). \
-             Beside the name of a muscle line: peak force alone and with the thigh.",
+            "Dashed: forces of the rigid leg alone. Blue: the same moments shared among muscles of the thigh with the lever arms and the least and greatest tensions that the \
+             deformable thigh shows at the steps of compare; between them these are interpolated, which puts lever arms off by up to {} mm ({}) and bounds by up to {} N ({}). \
+             {}. Beside the name of a muscle line: peak force alone and with the thigh.",
             fixed(1e3 * between.arm.0, 1),
             words(&between.arm.1),
             fixed(between.bound.0, 0),
-            words(&between.bound.1)
+            words(&between.bound.1),
+            with_thigh.words()
         );
         section("With the deformable thigh", &lead, &content)
     }
