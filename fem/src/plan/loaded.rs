@@ -101,6 +101,12 @@ impl Potential for LoadedIsland {
             f.resize(3 * effect.nodes_per_group(), 0.0);
             self.effect(t.effect, |effect| effect.forces(&s, t.group, &mut f));
             f.resize(3 * t.nodes.len(), 0.0);
+            for (from, mean) in &t.means {
+                for c in 0..3 {
+                    let force = std::mem::take(&mut f[3 * from + c]);
+                    mean.iter().for_each(|(to, w)| f[3 * to + c] += w * force);
+                }
+            }
             for &(from, to) in &t.moves {
                 f[to] += f[from];
                 f[from] = 0.0;
@@ -148,6 +154,20 @@ impl Potential for LoadedIsland {
             let mut full = vec![0.0; n * n];
             for r in 0..m {
                 full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
+            }
+            for (from, mean) in &t.means {
+                for c in 0..3 {
+                    for column in 0..n {
+                        let value = std::mem::take(&mut full[(3 * from + c) * n + column]);
+                        mean.iter().for_each(|(to, w)| full[(3 * to + c) * n + column] += w * value);
+                    }
+                }
+                for c in 0..3 {
+                    for row in 0..n {
+                        let value = std::mem::take(&mut full[row * n + 3 * from + c]);
+                        mean.iter().for_each(|(to, w)| full[row * n + 3 * to + c] += w * value);
+                    }
+                }
             }
             for &(from, to) in &t.moves {
                 for c in 0..n {
@@ -208,7 +228,7 @@ impl Potential for LoadedIsland {
         }
         scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
         for (n, motion) in island.motion.iter().enumerate() {
-            for c in (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_))) {
+            for c in (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_) | Motion::Rides(_))) {
                 total[3 * n + c] = 0.0;
             }
         }
