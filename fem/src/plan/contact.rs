@@ -127,9 +127,12 @@ pub fn contact(
     pairs.sort_unstable();
     pairs.dedup();
     let is_rigid = |s: &usize| surfaces[*s].body.is_some();
-    let same_body = |[a, b]: &[usize; 2]| surfaces[*a].body.is_some() && surfaces[*a].body == surfaces[*b].body;
+    let same_body =
+        |[a, b]: &[usize; 2]| surfaces[*a].body.is_some() && surfaces[*a].body == surfaces[*b].body;
     pairs.retain(|pair| !same_body(pair));
-    if spec.stiffness.is_none() && let Some(pair) = pairs.iter().find(|pair| pair.iter().all(is_rigid)) {
+    if spec.stiffness.is_none()
+        && let Some(pair) = pairs.iter().find(|pair| pair.iter().all(is_rigid))
+    {
         return Err(SceneError::RigidPair { pair: pair.map(|s| surfaces[s].name.clone()) });
     }
     let ContactSpec { mode, distance, spacing, attachment, repair, .. } = *spec;
@@ -175,7 +178,8 @@ fn surface(
     let deforms = nodes.iter().any(|n| moves(&n));
     let first = motion[nodes[0] as usize];
     let together = nodes.iter().all(|&n| motion[n as usize] == first);
-    let body = Some(first[0]).filter(|m| together && first == [*m; 3] && (!deforms || matches!(m, Motion::Rides(_))));
+    let body = Some(first[0])
+        .filter(|m| together && first == [*m; 3] && (!deforms || matches!(m, Motion::Rides(_))));
     let rides = |n: u32| matches!(motion[n as usize][0], Motion::Rides(_));
     let alone = |n: &&u32| behind[**n as usize].is_none() && !rides(**n);
     if deforms && let Some(&node) = nodes.iter().filter(moves).find(alone) {

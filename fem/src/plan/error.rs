@@ -255,13 +255,17 @@ pub enum SceneError {
     #[error("{} mistakes:\n- {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n- "))]
     Several(Vec<SceneError>),
     /// A pose for a body whose pose the solver finds.
-    #[error("drive: the body `{body}` is free, its pose is found and not given; take it out of the drive, or out of `free_bodies`")]
+    #[error(
+        "drive: the body `{body}` is free, its pose is found and not given; take it out of the drive, or out of `free_bodies`"
+    )]
     FreePose {
         /// The body.
         body: String,
     },
     /// A free body where inertia is asked for.
-    #[error("free body `{body}` has no mass, so that nothing is known of how it moves in time; leave out `inertia`, or prescribe the body")]
+    #[error(
+        "free body `{body}` has no mass, so that nothing is known of how it moves in time; leave out `inertia`, or prescribe the body"
+    )]
     Massless {
         /// The body.
         body: String,

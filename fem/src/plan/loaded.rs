@@ -228,7 +228,9 @@ impl Potential for LoadedIsland {
         }
         scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
         for (n, motion) in island.motion.iter().enumerate() {
-            for c in (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_) | Motion::Rides(_))) {
+            for c in
+                (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_) | Motion::Rides(_)))
+            {
                 total[3 * n + c] = 0.0;
             }
         }

@@ -124,8 +124,14 @@ impl Plan {
             return Err(mistakes.into_error());
         };
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
-        let islands =
-            islands(&mesh, &terms, (&motion, &slides, &free_bodies), &pivots, names.controls.len(), contact.as_ref())?;
+        let islands = islands(
+            &mesh,
+            &terms,
+            (&motion, &slides, &free_bodies),
+            &pivots,
+            names.controls.len(),
+            contact.as_ref(),
+        )?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let mut idle: std::collections::BTreeSet<u32> = (0..mesh.points.len() as u32).collect();
         islands.iter().flat_map(|i| &i.nodes).for_each(|n| {
@@ -476,7 +482,15 @@ fn islands(
                 .collect()
         });
         let members = contact.map(|c| (c, members.as_slice())).filter(|(_, m)| !m.is_empty());
-        islands.push(Arc::new(island(mesh, terms, (motion, slides, free), pivots, n_controls, groups, members)?));
+        islands.push(Arc::new(island(
+            mesh,
+            terms,
+            (motion, slides, free),
+            pivots,
+            n_controls,
+            groups,
+            members,
+        )?));
     }
     Ok(islands)
 }
@@ -552,7 +566,8 @@ fn island(
     let contact = contact.and_then(|(plan, members)| {
         plan.on_island(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
     });
-    let mut island = Island::new(name, nodes, X, effects, cells, motion, sliding, means, pivots.clone(), n_controls);
+    let mut island =
+        Island::new(name, nodes, X, effects, cells, motion, sliding, means, pivots.clone(), n_controls);
     island.contact = contact.map(Arc::new);
     Ok(island)
 }
