@@ -9,9 +9,6 @@ use crate::effect::NO_NODE;
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
-/// Nodes of which another is a fixed mean, with their weights, which add up to 1.
-pub(super) type Mean = Vec<(u32, f64)>;
-
 /// A block between local nodes \[N/m\].
 type Block = ([u32; 2], [f64; 9]);
 

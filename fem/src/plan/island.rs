@@ -6,8 +6,7 @@
 
 #![allow(non_snake_case)]
 
-use super::followers::Mean;
-use super::load::{Load, Motion};
+use super::load::{Load, Mean, Motion};
 use super::predictor::KinematicPredictor;
 use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};

@@ -6,6 +6,9 @@ use super::free::FreeBody;
 use super::slide::Slide;
 use crate::body::{Pose, interpolate};
 
+/// Nodes of which another is a fixed mean, with their weights, which add up to 1.
+pub(super) type Mean = Vec<(u32, f64)>;
+
 /// What one component of a node does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {

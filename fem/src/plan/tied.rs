@@ -1,7 +1,6 @@
 //! Groups of an effect some nodes of which follow others or slide in directions that are no axes.
 
-use super::followers::Mean;
-use super::load::Motion;
+use super::load::{Mean, Motion};
 use super::slide::Slide;
 use crate::effect::NO_NODE;
 use std::collections::BTreeMap;
