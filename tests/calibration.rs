@@ -5,11 +5,13 @@
 use multibody::anatomy::{Anatomy, lay_over};
 use multibody::calibration::clusters::pose;
 use multibody::calibration::functional::{self, Recording};
+use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::markers::{self, LandmarkPaths};
+use multibody::calibration::shifts::Shifts;
 use multibody::calibration::{CalibrationError, HipCentre, Path, Spines, path, table};
 use multibody::natural::{Pose, SegmentId};
 use multibody::trial::{Sex, Trial};
-use multibody::walker::{Knee, walker};
+use multibody::walker::{Knee, shifted, walker};
 use nalgebra::Vector3;
 
 const SPINES: [&str; 4] = ["right ASIS", "left ASIS", "right PSIS", "left PSIS"];
@@ -80,7 +82,9 @@ const HIP: Vector3<f64> = Vector3::new(-0.07797, -0.09088, 0.07376);
 #[test]
 fn landmark_markers_give_the_landmarks_of_the_table() {
     let w = Walker::new();
-    let found = markers::anatomy(&w.trial.markers, &w.landmarks(), HipCentre::Given(HIP), Sex::Male).unwrap();
+    let found =
+        markers::anatomy(&w.trial.markers, &w.landmarks(), HipCentre::Given(HIP), Sex::Male, &Shifts::none())
+            .unwrap();
     // Points of the table are rounded to 0.01 mm.
     let close = |segment, point: &Vector3<f64>, want: &Vector3<f64>| {
         let Pose { R, p } = w.in_table(&found, segment);
@@ -102,12 +106,70 @@ fn landmark_markers_give_the_landmarks_of_the_table() {
     turn(SegmentId::Shank, &found.shank.w, &w.anatomy.shank.w);
 }
 
+/// A landmark that is shifted in the table, and one whose marker was recorded where it is shifted to, give the same leg.
+#[test]
+fn shifted_landmarks_are_those_of_shifted_markers() {
+    let w = Walker::new();
+    let mut shifts = Shifts::none();
+    let mut random = support::Random::new(11);
+    let mut markers = w.landmarks();
+    let hip = HIP + random.vector(5e-3);
+    shifts.add("hip_centre", hip - HIP);
+    let mut shift = |name: &str, segment: SegmentId, path: &mut Path| {
+        let shift = random.vector(10e-3);
+        assert!(shifts.add(name, shift));
+        for (k, point) in path.iter_mut().enumerate() {
+            let at = pose(&w.anatomy.clusters[segment.index()], &w.trial.markers, segment, k);
+            *point = point.zip(at).map(|(p, Pose { R, .. })| p + R * shift);
+        }
+    };
+    shift("lateral_epicondyle", SegmentId::Thigh, &mut markers.lateral_epicondyle);
+    shift("medial_epicondyle", SegmentId::Thigh, &mut markers.medial_epicondyle);
+    shift("lateral_malleolus", SegmentId::Shank, &mut markers.lateral_malleolus);
+    shift("medial_malleolus", SegmentId::Shank, &mut markers.medial_malleolus);
+    shift("heel", SegmentId::Foot, &mut markers.heel);
+    shift("metatarsal_1", SegmentId::Foot, &mut markers.metatarsal_1);
+    shift("metatarsal_5", SegmentId::Foot, &mut markers.metatarsal_5);
+    let ours = shifted(&shifts).unwrap();
+    let found =
+        markers::anatomy(&w.trial.markers, &markers, HipCentre::Given(hip), Sex::Male, &Shifts::none())
+            .unwrap();
+    let close = |segment, point: &Vector3<f64>, want: &Vector3<f64>| {
+        let Pose { R, p } = w.in_table(&found, segment);
+        let distance = (p + R * point - want).norm();
+        assert!(distance < 2e-5, "{segment:?}: {distance}");
+    };
+    close(SegmentId::Pelvis, &found.pelvis.hip, &ours.pelvis.hip);
+    close(SegmentId::Thigh, &found.thigh.knee, &ours.thigh.knee);
+    close(SegmentId::Shank, &found.shank.ankle, &ours.shank.ankle);
+    let turn = |segment, direction: &Vector3<f64>, want: &Vector3<f64>| {
+        let angle = (w.in_table(&found, segment).R * direction).angle(want).to_degrees();
+        assert!(angle < 0.05, "{segment:?}: {angle} degrees");
+    };
+    turn(SegmentId::Thigh, &found.thigh.w, &ours.thigh.w);
+    turn(SegmentId::Shank, &found.shank.w, &ours.shank.w);
+    turn(SegmentId::Foot, &found.foot.u, &ours.foot.u);
+    turn(SegmentId::Foot, &found.foot.w, &ours.foot.w);
+    // They did move, and none did for no shift.
+    assert!((ours.thigh.knee - w.anatomy.thigh.knee).norm() > 1e-3);
+    assert_eq!(shifted(&Shifts::none()).unwrap(), w.anatomy);
+    // The pelvis turns with its spines: raising the right one by 10 mm turns it by that over the width.
+    let mut raised = Shifts::none();
+    raised.add("right_asis", Vector3::new(0.0, 0.01, 0.0));
+    raised.add("right_psis", Vector3::new(0.0, 0.01, 0.0));
+    let turned = shifted(&raised).unwrap();
+    let wanted = (0.01 / w.anatomy.pelvis.width).atan();
+    assert!((turned.pelvis.w.angle(&w.anatomy.pelvis.w) - wanted).abs() < 1e-3 * wanted);
+}
+
 #[test]
 fn one_marker_for_two_landmarks_is_refused() {
     let w = Walker::new();
     let mut landmarks = w.landmarks();
     landmarks.medial_epicondyle = landmarks.lateral_epicondyle.clone();
-    let error = markers::anatomy(&w.trial.markers, &landmarks, HipCentre::Given(HIP), Sex::Male).unwrap_err();
+    let error =
+        markers::anatomy(&w.trial.markers, &landmarks, HipCentre::Given(HIP), Sex::Male, &Shifts::none())
+            .unwrap_err();
     assert!(matches!(error, CalibrationError::TooClose { a: "lateral_epicondyle", .. }), "{error}");
 }
 
@@ -122,7 +184,14 @@ fn the_functional_knee_axis_is_the_hinge_of_the_walker() {
         metatarsal_1: path(&w.trial.markers, "metatarsal head 1"),
         metatarsal_5: path(&w.trial.markers, "metatarsal head 5"),
     };
-    let (found, quality) = functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male).unwrap();
+    let (found, quality) = functional::anatomy(
+        &[recording],
+        HipCentre::Given(HIP),
+        KneeCentre::AsFound,
+        Sex::Male,
+        &Shifts::none(),
+    )
+    .unwrap();
     // The walker's adduction and rotation vary by some hundredths of a degree around its hinge.
     let Pose { R, p } = w.in_table(&found, SegmentId::Thigh);
     let axis = R * found.thigh.w;
@@ -148,6 +217,13 @@ fn a_stiff_knee_cannot_be_calibrated() {
         metatarsal_5: path(&tracks, "metatarsal head 5"),
         tracks,
     };
-    let error = functional::anatomy(&[recording], HipCentre::Given(HIP), Sex::Male).unwrap_err();
+    let error = functional::anatomy(
+        &[recording],
+        HipCentre::Given(HIP),
+        KneeCentre::AsFound,
+        Sex::Male,
+        &Shifts::none(),
+    )
+    .unwrap_err();
     assert!(matches!(error, CalibrationError::Range { joint: "knee", .. }), "{error}");
 }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
+use coupling::comparison::{Prepared, Sized};
 use coupling::configuration::Configuration;
 use coupling::scene::Scene;
 use coupling::session::{RigidSession, RigidSide, ThighSession, ThighSide};
-use coupling::study::{Prepared, Sized};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 

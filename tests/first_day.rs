@@ -529,8 +529,20 @@ fn the_page_of_keys_is_what_the_source_says() {
          `sartorius cost` without a file does the shipped one, `gait-data/ladders/walker.toml`.",
         coupling::cost::ladder::KEYS,
     );
+    let study = page(
+        "Study",
+        "What `study` carries out: subjects by settings by samples, and what varies from sample to sample.\n\
+         [study.md](study.md) shows how.\n\
+         Trials and scene are looked for beside the study, or are shipped ones.",
+        coupling::study::keys::KEYS,
+    );
+    let options = page(
+        "Options of `optimize` in a study",
+        "Keys `optimize.…` of settings and of what varies: the options of the command line, with underscores.",
+        coupling::options::OPTIONS,
+    );
     let text = format!(
-        "# Keys\n\nEvery key of the three kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}\n{ladder}"
+        "# Keys\n\nEvery key of the four kinds of files that you write (TOML).\nThis page is made from the source and tested against it.\n\n{trial}\n{scene}\n{ladder}\n{study}\n{options}"
     );
     assert_page("keys.md", &text);
 }
@@ -588,7 +600,12 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     // A man who carries four of his kind: no muscle forces make his moments.
     let mut walking = Walking::new();
     walking.plates.iter_mut().flatten().for_each(|(f, _)| *f *= 4.0);
-    walking.replace("mass_kg = 70", "mass_kg = 280").write();
+    let samples: String =
+        (0..3000).map(|k| format!("{},{}\n", 0.001 * k as f64 - 0.8, (k % 7) as f64)).collect();
+    let walking = walking.replace("mass_kg = 70", "mass_kg = 280");
+    walking.toml += "\n[emg]\nfile = \"emg.csv\"\n[emg.channels]\nc1 = \"soleus\"\n";
+    walking.write();
+    fs::write(walking.folder().join("emg.csv"), format!("time_s,c1\n{samples}")).unwrap();
     let trials = walking.folder();
     let folder = trials.parent().unwrap();
     let measured = "time_s,medial_N,lateral_N\n0.0,500,300\n0.3,900,500\n0.6,900,500\n1.2,500,300\n";
@@ -597,16 +614,45 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     let example = |name: &str| format!("{}/../fem/examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
     fs::write(folder.join("ladder.toml"), "scene = \"hill.toml\"\n[[axis]]\nname = \"mesh\"\nkey = \"resolution_mm\"\nvalues = [20.0, 14.0]\nerror = \"discretisation\"\n").unwrap();
+    let vary = |key: &str, values: &str| {
+        format!("[[vary]]\nkey = \"{key}\"\ndistribution = \"choice\"\nvalues = [{values}]\n")
+    };
+    let leg = [
+        vary("landmarks.heel", "1.0, 2.0"),
+        vary("strengths.soleus", "0.9, 1.1"),
+        vary("optimize.cost", "\"force\""),
+    ];
+    fs::write(folder.join("leg.toml"), leg.concat()).unwrap();
+    let sure = vary("strengths.soleus", "0.9, 1.1");
+    fs::write(folder.join("sure.toml"), format!("samples = 8\nindices = true\n{sure}")).unwrap();
+    let thigh = vary("scene.materials.matrix_a_kpa", "3.0, 4.0");
+    fs::write(
+        folder.join("thigh.toml"),
+        format!("run = \"compare\"\nscene = \"hill.toml\"\ncontact = \"without\"\n{thigh}"),
+    )
+    .unwrap();
+    let recorded = vary("trial.filter.motion_hz", "5.0, 6.0");
+    fs::write(
+        folder.join("recorded.toml"),
+        format!("[[subject]]\nname = \"walk\"\ntrial = \"trials/walk.toml\"\n{recorded}"),
+    )
+    .unwrap();
     for arguments in [
-        &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv"][..],
+        &["optimize", "--out", "o", "--reserves", "1e-3", "--measured", "knee.csv", "--bands"][..],
+        &["optimize", "--out", "n", "--knee", "implant", "--samples", "70"],
         &["compare", "hill.toml", "--out", "c"],
         &["compare", "hill.toml", "--out", "w", "--two-way", "--passes", "2"],
+        &["compare", "hill.toml", "--out", "b", "--two-way", "--passes", "2", "--contact", "with"],
         &["optimize", "trials/walk.toml", "--out", "v"],
         &["compare", "thermal.toml", "--out", "t"],
         &["mesh", "--resolution", "20", "--only", "gracilis", "--out", "m"],
         &["solve", &example("squashed_block"), "--out", "s"],
         &["solve", &example("strap_over_rod"), "--out", "r"],
         &["cost", "ladder.toml", "--out", "l"],
+        &["study", "leg.toml", "--out", "y"],
+        &["study", "thigh.toml", "--out", "z"],
+        &["study", "recorded.toml", "--out", "q"],
+        &["study", "sure.toml", "--out", "i"],
     ] {
         let output = sartorius(arguments, folder);
         // A single pass of two-way coupling or a single muscle may miss its verdict; its tables are written all the same.
@@ -619,7 +665,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "v", "c", "w", "t", "m", "s", "r", "l"] {
+    for part in ["o", "n", "v", "c", "w", "b", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

@@ -179,7 +179,7 @@ fn collection(file: &Path) -> Vec<(f64, String, vtu::Vtu)> {
     }
 }
 
-/// ParaView finds what the study is about in the frames, at the times of the gait, and nothing that is not a number.
+/// ParaView finds what the steps are about in the frames, at the times of the gait, and nothing that is not a number.
 #[test]
 fn frames_hold_stress_fibres_contact_pressure_and_moving_bones() {
     let folder = tempfile::tempdir().unwrap();

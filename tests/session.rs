@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
+use coupling::comparison::{Comparison, Prepared, Sized};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
 use coupling::session::{RigidSession, RigidSide, ThighSession, ThighSide};
-use coupling::study::{Comparison, Prepared, Sized};
 use coupling::two_way::capacity::MuscleCapacity;
 use coupling::two_way::fixed_point::{FixedPoint, Scheme};
 use coupling::two_way::{MOST_PASSES, TOLERANCE};
@@ -123,7 +123,7 @@ fn what_cannot_be_is_refused_with_what_it_must_be() {
     let known = known();
     let mut thigh = ThighSession::new(known.thighs[0].clone());
     let before = thigh.save();
-    let said = |result: Result<(), coupling::error::StudyError>| result.unwrap_err().to_string();
+    let said = |result: Result<(), coupling::error::CouplingError>| result.unwrap_err().to_string();
     assert!(
         said(thigh.set_activations(&[0.0, 2.0, -1.0]))
             .contains("number 2 is 2, number 3 is -1; must be from 0 to 1.8")
@@ -168,7 +168,10 @@ fn forces_on_the_bones_add_up_to_nothing() {
 fn passes_between_two_sessions_are_those_of_compare_two_way() {
     let known = known();
     let (scheme, n) = (Scheme::IqnIls(1.0), MuscleCapacity::N);
-    let wanted = known.prepared.two_way(&known.comparison, scheme, MOST_PASSES).unwrap();
+    let wanted = known
+        .prepared
+        .two_way(&known.comparison, Configuration::WithoutContact, scheme, MOST_PASSES)
+        .unwrap();
     let times: Vec<f64> = known.comparison.steps.iter().map(|s| s.time).collect();
     let mut rigid = RigidSession::new(known.rigid.clone());
     let mut thigh = ThighSession::new(known.thighs[0].clone());

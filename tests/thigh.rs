@@ -5,6 +5,7 @@
 use mesher::MusclePart;
 use std::path::Path;
 
+use coupling::comparison::SETTINGS;
 use coupling::fibres::alone::alone;
 use coupling::fibres::muscle_unit::MuscleUnit;
 use coupling::fibres::thermal_calibration::FibreCurve;
@@ -15,7 +16,6 @@ use coupling::scene::StepName;
 use coupling::scene::StressFree;
 use coupling::steps::rigid_step;
 use coupling::steps::{rigid_muscles_at, rigid_muscles_standing};
-use coupling::study::SETTINGS;
 use coupling::thigh::build::{Thigh, ThighEffects, build, reaches};
 use coupling::thigh::lines::physiological_sections;
 use coupling::thigh::registration::{BODIES, MeshFrames, Registration};

@@ -1,10 +1,11 @@
 //! Does a trial file give the trial that was recorded, and name the mistake when something is wrong?
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use multibody::InputError;
 use multibody::anatomy::Anatomy;
+use multibody::calibration::shifts::Shifts;
 use multibody::calibration::{calibrate, functional};
 use multibody::error::Place;
 use multibody::natural::SegmentId;
@@ -15,11 +16,7 @@ use multibody::walker::{Knee, walker};
 use nalgebra::Vector3;
 use support::c3d_file::C3dFile;
 use support::walking::{LEFT_PLATE, RIGHT_PLATE, Walking};
-use support::{sartorius, shared};
-
-fn shipped(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../gait-data/trials/{name}.toml"))
-}
+use support::{sartorius, shared, shipped_trial};
 
 const SHIPPED: [&str; 5] = ["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"];
 
@@ -160,7 +157,7 @@ fn recorded_cycles_agree_with_the_events() {
     }
     strikes.sort_by(|a, b| a.1.total_cmp(&b.1));
     for name in SHIPPED {
-        let trial = TrialFile::read(&shipped(name)).unwrap().load(Some(&data)).unwrap();
+        let trial = TrialFile::read(&shipped_trial(name)).unwrap().load(Some(&data)).unwrap();
         let times: Vec<f64> = strikes.iter().filter(|s| s.0 == name).map(|s| s.1).collect();
         let report = &trial.time[trial.report.clone()];
         let frame = 1.0 / 120.0;
@@ -189,7 +186,7 @@ fn recorded_cycles_agree_with_the_events() {
 fn recorded_landmarks_are_complete() {
     let Some(data) = shared("gait") else { return };
     for name in SHIPPED {
-        let file = TrialFile::read(&shipped(name)).unwrap();
+        let file = TrialFile::read(&shipped_trial(name)).unwrap();
         match file.landmarks(Some(&data)).unwrap().source {
             Landmarks::Table { items, recorded } => {
                 assert_eq!(recorded.len(), file.markers.all().count(), "{name}");
@@ -711,7 +708,7 @@ fn damaged_recordings_are_named_through_the_trial_file() {
         let file = format!("jw/{name}.c3d");
         std::fs::copy(data.join(&file), folder.path().join(&file)).unwrap();
     }
-    let trial = || TrialFile::read(&shipped("jw_ngait_og3")).unwrap().load(Some(folder.path()));
+    let trial = || TrialFile::read(&shipped_trial("jw_ngait_og3")).unwrap().load(Some(folder.path()));
     assert!(trial().is_ok());
     let whole = std::fs::read(data.join("jw/jw_ngait_og3.c3d")).unwrap();
     let path = folder.path().join("jw/jw_ngait_og3.c3d");
@@ -825,16 +822,18 @@ fn the_left_leg_of_a_mirrored_walker_is_its_right_leg() {
     assert!(record["files"].as_array().unwrap().iter().any(|f| f == "left/kinematics.csv"));
 }
 
-/// The real walker: the right leg is as if it were alone, the left one is not solved throughout, which is told in one line.
+/// The real walker: the right leg is as if it were alone. The left one of the published form is not solved throughout, which is told in one line; the
+/// default solves both.
 #[test]
 fn both_legs_of_a_recorded_walk() {
+    const PUBLISHED: [&str; 2] = ["--form", "published"];
     let Some(data) = shared("gait") else { return };
     let at = tempfile::tempdir().unwrap();
     let run = |trial: &str, more: &[&str]| {
         let arguments = ["optimize", trial, "--data", data.to_str().unwrap(), "--out", trial];
         sartorius(&[&arguments, more].concat(), at.path())
     };
-    let both = run("jw_ngait_og3_both", &[]);
+    let both = run("jw_ngait_og3_both", &PUBLISHED);
     let said = String::from_utf8(both.stdout).unwrap();
     assert_eq!(both.status.code(), Some(3), "frames of the left leg have no solution: {said}");
     assert!(said.contains("137 of 137 frames solved") && said.contains("118 of 127 frames solved"), "{said}");
@@ -861,7 +860,7 @@ fn both_legs_of_a_recorded_walk() {
         assert_eq!(read(&format!("{leg}/kinematics.csv")).lines().count(), 1 + frames);
     }
 
-    assert_eq!(run("jw_ngait_og3", &[]).status.code(), Some(0));
+    assert_eq!(run("jw_ngait_og3", &PUBLISHED).status.code(), Some(0));
     for table in ["kinematics.csv", "muscle_forces.csv", "verdicts.csv", "gait2392_motion.mot"] {
         let read = |folder: &str| std::fs::read_to_string(at.path().join(folder).join(table)).unwrap();
         let without_title = |text: String| text.split_once('\n').unwrap().1.to_string();
@@ -869,10 +868,15 @@ fn both_legs_of_a_recorded_walk() {
         assert_eq!(without_title(alone), without_title(of_both), "{table}");
     }
 
-    let json = run("jw_ngait_og3_both", &["--json", "--quiet"]);
+    let json = run("jw_ngait_og3_both", &["--form", "published", "--json", "--quiet"]);
     let verdict: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
     assert_eq!((&verdict["right"]["solved"], &verdict["left"]["solved"]), (&137.into(), &118.into()));
     assert!(json.stderr.is_empty());
+
+    let json = run("jw_ngait_og3_both", &["--json", "--quiet"]);
+    assert_eq!(json.status.code(), Some(0));
+    let verdict: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!((&verdict["right"]["solved"], &verdict["left"]["solved"]), (&137.into(), &127.into()));
 }
 
 /// One knee is instrumented: that of the right leg.
@@ -1024,15 +1028,15 @@ fn functional_landmarks_of_a_left_leg_are_those_of_its_mirror_image() {
         let path = folder.path().join("jw").join(trial).with_extension("trc");
         std::fs::write(path, mirrored.trc()).unwrap();
     }
-    let text = std::fs::read_to_string(shipped("jw_ngait_og3_both")).unwrap();
+    let text = std::fs::read_to_string(shipped_trial("jw_ngait_og3_both")).unwrap();
     let path = folder.path().join("both.toml");
     std::fs::write(&path, text.replace(".c3d", ".trc")).unwrap();
     let calibrated = |file: &Path, side, data: Option<&Path>| {
         let spec = TrialFile::read(file).unwrap().leg(side).landmarks(data).unwrap();
-        let (anatomy, quality) = calibrate(&spec, Sex::Male).unwrap();
+        let (anatomy, quality) = calibrate(&spec, Sex::Male, &Shifts::none()).unwrap();
         (anatomy, quality.unwrap())
     };
-    let (right, seen) = calibrated(&shipped("jw_ngait_og3_both"), Side::Right, Some(&data));
+    let (right, seen) = calibrated(&shipped_trial("jw_ngait_og3_both"), Side::Right, Some(&data));
     let (left, seen_mirrored) = calibrated(&path, Side::Left, None);
     let numbers = |q: functional::Quality| [q.knee_rms, q.knee_range, q.ankle_rms, q.ankle_range];
     for (a, b) in numbers(seen).into_iter().zip(numbers(seen_mirrored)) {

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use coupling::configuration::PerConfiguration;
+use coupling::comparison::{Comparison, Prepared};
+use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
-use coupling::study::{Comparison, Prepared};
 use coupling::two_way::capacity::sewn;
 use coupling::two_way::fixed_point::Scheme;
 use coupling::two_way::{Pass, TOLERANCE};
@@ -17,18 +17,15 @@ const QUADRICEPS: &str = "muscles = [\"rectus_femoris\", \"vastus_medialis\", \"
                           resolution_mm = 20.0\n[effects]\ncontact = \"none\"\n";
 
 fn solved(scene: &str) -> (Prepared, Comparison) {
+    solved_in(scene, PerConfiguration { without: true, with: false })
+}
+
+fn solved_in(scene: &str, asked: PerConfiguration<bool>) -> (Prepared, Comparison) {
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene::parse(Path::new("mine.toml"), scene, None).unwrap();
     let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
-    let study = prepared
-        .solve(
-            PerConfiguration { without: true, with: false },
-            &folder.path().join("out"),
-            false,
-            &mut |_| (),
-        )
-        .unwrap();
-    (prepared, study)
+    let comparison = prepared.solve(asked, &folder.path().join("out"), false, &mut |_| ()).unwrap();
+    (prepared, comparison)
 }
 
 fn last_change(passes: &[Pass]) -> f64 {
@@ -37,8 +34,9 @@ fn last_change(passes: &[Pass]) -> f64 {
 
 #[test]
 fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
-    let (prepared, study) = solved(SCENE);
-    let run = |scheme| prepared.two_way(&study, scheme, 16).unwrap().passes;
+    let (prepared, comparison) = solved(SCENE);
+    let run =
+        |scheme| prepared.two_way(&comparison, Configuration::WithoutContact, scheme, 16).unwrap().passes;
     let (quick, slow) = (run(Scheme::IqnIls(1.0)), run(Scheme::Relaxation(0.5)));
     for (name, passes) in [("IQN-ILS", &quick), ("relaxation", &slow)] {
         for (k, p) in passes.iter().enumerate() {
@@ -65,15 +63,18 @@ fn iqn_ils_settles_in_fewer_passes_than_relaxation_and_missing_moments_fall() {
 /// rigid leg does, and the whole has the moment that the mesh makes.
 #[test]
 fn sewn_heads_are_one_unit_and_none_takes_all() {
-    let (prepared, study) = solved(QUADRICEPS);
-    let plan = &study.solutions.without.as_ref().unwrap().plan;
-    let units = sewn(plan, &study.thigh);
-    let names: Vec<Vec<&str>> =
-        units.iter().map(|u| u.iter().map(|&m| study.thigh.muscles[m].name.as_str()).collect()).collect();
+    let (prepared, comparison) = solved(QUADRICEPS);
+    let plan = &comparison.solutions.without.as_ref().unwrap().plan;
+    let units = sewn(plan, &comparison.thigh);
+    let names: Vec<Vec<&str>> = units
+        .iter()
+        .map(|u| u.iter().map(|&m| comparison.thigh.muscles[m].name.as_str()).collect())
+        .collect();
     println!("{names:?}");
     let quadriceps = units.iter().find(|u| u.len() > 1).unwrap();
     assert_eq!((units.len(), quadriceps.len()), (1, 4), "{names:?}");
-    let coupling = prepared.two_way(&study, Scheme::IqnIls(1.0), 16).unwrap();
+    let coupling =
+        prepared.two_way(&comparison, Configuration::WithoutContact, Scheme::IqnIls(1.0), 16).unwrap();
     let (first, last) = (&coupling.passes[0], coupling.passes.last().unwrap());
     for (k, pass) in coupling.passes.iter().enumerate() {
         println!(
@@ -99,4 +100,22 @@ fn sewn_heads_are_one_unit_and_none_takes_all() {
     // At the knee the whole pulls as force sharing counts on.
     let knee: f64 = quadriceps.iter().map(|&m| last.lacking[1][m][3]).sum();
     assert!(knee.abs() < 0.2, "{knee} N m at the knee");
+}
+
+/// In contact a muscle moves joints by what it is tied to and by what it presses on. What all of them do is what all bones feel.
+#[test]
+fn with_contact_passes_settle_and_missing_moments_fall() {
+    let scene = "muscles = [\"gluteus_maximus\", \"gluteus_medius\", \"vastus_lateralis\"]\nresolution_mm = 18.0\n\
+                 [accuracy]\ncontact_residual_n = 0.5\n";
+    let (prepared, comparison) = solved_in(scene, PerConfiguration { without: false, with: true });
+    let coupling =
+        prepared.two_way(&comparison, Configuration::WithContact, Scheme::IqnIls(1.0), 16).unwrap();
+    let passes = &coupling.passes;
+    for (k, p) in passes.iter().enumerate() {
+        println!("{}: {:?} {:.3} N m {:?}", k + 1, p.change, p.largest_missing(), p.changed_most);
+    }
+    assert!(coupling.shortcomings.is_empty(), "{:?}", coupling.shortcomings);
+    assert!(last_change(passes) < TOLERANCE);
+    let (before, after) = (passes[0].largest_missing(), passes[passes.len() - 1].largest_missing());
+    assert!(after < 0.1 * before, "{before} N m before, {after} N m after");
 }

@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use coupling::error::StudyError;
+use coupling::error::CouplingError;
 use coupling::optimize::{OptimizeOptions, Optimized, optimize};
 use coupling::subject::GRAVITY;
 use multibody::model::Ankle;
@@ -16,7 +16,7 @@ use multibody::trial_file::HipRule;
 
 const TRIALS: [&str; 5] = ["DM_ngait_og3", "DM_ngait_og4", "jw_ngait_og1", "jw_ngait_og3", "jw_ngait_og7"];
 
-fn main() -> Result<(), StudyError> {
+fn main() -> Result<(), CouplingError> {
     let data = std::env::args().nth(1).map(PathBuf::from);
     let trials = || -> Vec<Option<&str>> {
         let recorded = TRIALS.iter().copied().filter(|_| data.is_some()).map(Some);

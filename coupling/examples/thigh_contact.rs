@@ -12,11 +12,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use coupling::comparison::SETTINGS;
 use coupling::fibres::cache::Cache;
 use coupling::fibres::driven_fibres;
 use coupling::scene::Fibres;
 use coupling::scene::StressFree;
-use coupling::study::SETTINGS;
 use coupling::thigh::build::{Thigh, ThighEffects};
 use coupling::thigh::registration::{BODIES, MeshFrames, Registration};
 use coupling::thigh::{BuiltIn, built_in};
@@ -132,17 +132,21 @@ fn run(thigh: &Thigh, configuration: &str, goals: &[&Goal], poses: &[Pose; 4]) -
         let seconds = clock.elapsed().as_secs_f64();
         let islands = &done.frame.islands;
         let sum = |of: fn(&Advance) -> f64| islands.iter().map(of).sum::<f64>();
+        let percent = |of: fn(&Advance) -> f64| 100.0 * sum(of) / sum(|i| i.total_s);
         // What nothing can move is not solved.
         let solved = islands.iter().filter(|i| i.load_steps > 0);
         let det = solved.map(|i| i.least_det_f).fold(f64::INFINITY, f64::min);
         let met = intersections(&plan, done.frame.snapshot());
         println!(
-            "{configuration:16} {:10} {seconds:6.1} s  {:4.0} Newton {:6.0} CG {:4.0} factors  contact {:4.1} %  least det F {det:.3}  {} intersections{}",
+            "{configuration:16} {:10} {seconds:6.1} s  {:4.0} Newton {:6.0} CG {:4.0} factors  contact {:4.1}, assembly {:4.1}, factors {:4.1}, CG {:4.1} %  least det F {det:.3}  {} intersections{}",
             goal.name,
             sum(|i| i.iterations as f64),
             sum(|i| i.linear_iterations as f64),
             sum(|i| i.factorizations as f64),
-            100.0 * sum(|i| i.contact_s) / sum(|i| i.total_s),
+            percent(|i| i.contact_s),
+            percent(|i| i.assembly_s),
+            percent(|i| i.factorization_s),
+            percent(|i| i.linear_s),
             met.len(),
             if done.errors.is_empty() { "" } else { "  NOT REACHED" },
         );

@@ -1,4 +1,4 @@
-//! Why a study ended without results: mostly the input.
+//! Why a run ended without results: mostly the input.
 
 use multibody::InputError;
 use multibody::calibration::CalibrationError;
@@ -9,10 +9,10 @@ use thiserror::Error;
 
 use crate::measured::MeasuredError;
 
-/// What stops a study: `optimize`, `solve`, or a scene.
+/// What stops `optimize`, `solve`, or a scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum StudyError {
+pub enum CouplingError {
     /// A file cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
@@ -61,11 +61,11 @@ pub enum StudyError {
     NotConverged(String),
 }
 
-impl StudyError {
+impl CouplingError {
     /// Exit code of the process: 3 where a solver failed, 2 for bad input.
     pub fn exit_code(&self) -> u8 {
         match self {
-            StudyError::NotConverged(_) => 3,
+            CouplingError::NotConverged(_) => 3,
             _ => 2,
         }
     }

@@ -4,21 +4,27 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use multibody::InputError;
-use multibody::activation::activate;
+use multibody::activation::{activate, generic_postures};
 use multibody::anatomy::Anatomy;
+use multibody::calibration::knee_centre::KneeCentre;
 use multibody::calibration::{calibrate, functional::Quality};
+use multibody::capability::{Follows, capacities};
+use multibody::emg;
 use multibody::loads::{Loads, loads};
-use multibody::model::{Ankle, Model};
+use multibody::model::{Ankle, KneeKind, Model, ModelError};
 use multibody::motion::track;
-use multibody::muscle::hill::{self, HillResult};
+use multibody::muscle::hill::{self, HillError, HillResult};
+use multibody::passive;
 use multibody::read::read_knee_forces;
-use multibody::share::{SharingSettings, share};
+use multibody::share::{SharingSettings, bands, share_each};
 use multibody::sharing::Capacity;
-use multibody::trial::{Effort, Filters, Motion, Side, Trial};
+use multibody::trial::{Effort, Filters, Motion, Side, Table, Trial};
 use multibody::trial_file::{self, HipRule, TrialFile};
-use multibody::walker::{Knee, walker};
+use multibody::walker::{self, Knee, walker};
 
-use crate::error::StudyError;
+use crate::changes::Changes;
+use crate::error::CouplingError;
+use crate::form::{Bounds, Form};
 use crate::measured::{MeasuredError, Overlay};
 use crate::number::short;
 use crate::scene::{TomlKind, wanted};
@@ -36,15 +42,24 @@ pub struct OptimizeOptions {
     pub ankle: Option<Ankle>,
     /// Rule for the hip centre in place of the trial's.
     pub hip_centre: Option<HipRule>,
+    /// What of the leg is as published; by default everything.
+    pub form: Form,
     /// Force sharing.
     pub sharing: SharingSettings,
     /// Activations.
     pub hill: hill::Settings,
     /// Measured knee forces.
     pub measured: Option<PathBuf>,
+    /// Least and greatest joint forces over all admissible sharings are wanted, too.
+    pub bands: bool,
+    /// How often the trial is computed with inputs that scatter ([`crate::samples`]); `None`: not at all.
+    pub samples: Option<usize>,
+    /// What differs from the files.
+    pub changes: Changes,
 }
 
 /// A trial with its anatomy and choices, before anything is computed.
+#[derive(Clone)]
 pub struct Case {
     /// The trial.
     pub trial: Trial,
@@ -52,6 +67,8 @@ pub struct Case {
     pub anatomy: Anatomy,
     /// Which ankle.
     pub ankle: Ankle,
+    /// What the knee is.
+    pub knee: KneeKind,
     /// Filters.
     pub filters: Filters,
     /// Files that were read.
@@ -66,6 +83,8 @@ pub struct Case {
     pub is_cycle: bool,
     /// Quality of a functional calibration.
     pub quality: Option<Quality>,
+    /// Electromyography, where the trial names it.
+    pub emg: Option<emg::Recording>,
     /// What the trial file says that rarely is so, or is left out of account.
     pub doubts: Vec<String>,
     /// How long reading took.
@@ -86,6 +105,12 @@ pub struct Optimized {
     pub effort: Effort,
     /// What the Hill model says beside the activations.
     pub hill: HillResult,
+    /// Least and greatest joint forces over all admissible sharings \[N\], where they were asked for ([`multibody::share::bands`]).
+    pub bands: Option<Table>,
+    /// Passive joint moments beside those of the muscles \[N·m\], where they are known.
+    pub passive: Option<Table>,
+    /// Electromyography beside muscle forces, where the trial names it.
+    pub emg: Option<Vec<emg::Compared>>,
     /// Comparison with measured knee forces.
     pub measured: Option<Overlay>,
     /// Why it was left out although asked for.
@@ -94,20 +119,38 @@ pub struct Optimized {
     pub stages: Vec<(&'static str, Duration)>,
 }
 
+impl OptimizeOptions {
+    /// Anatomy of the built-in walker as it is to be.
+    fn walker_anatomy(&self, anatomy: Anatomy) -> Result<Anatomy, CouplingError> {
+        if let Some(key) = self.changes.trial.keys().next() {
+            let text =
+                format!("`trial.{key}`: the built-in walker has no trial file; name one as the subject");
+            return Err(CouplingError::Option(text));
+        }
+        match self.changes.landmarks.is_empty() {
+            true => Ok(anatomy),
+            false => walker::shifted(&self.changes.landmarks)
+                .map_err(|e| CouplingError::Option(format!("landmarks of the built-in walker: {e}"))),
+        }
+    }
+}
+
 impl Case {
     /// Reads the trial and its landmarks.
-    pub fn load(options: &OptimizeOptions) -> Result<Case, StudyError> {
+    pub fn load(options: &OptimizeOptions) -> Result<Case, CouplingError> {
         let clock = Instant::now();
         let Some(path) = &options.trial else {
             if options.hip_centre.is_some_and(|h| h != HipRule::Table) {
                 let text = "--hip-centre needs a trial: the built-in walker was made with the hip centre of its table";
-                return Err(StudyError::Option(text.into()));
+                return Err(CouplingError::Option(text.into()));
             }
             let (trial, anatomy) = walker(Knee::Hinge);
+            let anatomy = options.walker_anatomy(anatomy)?;
             return Ok(Case {
                 trial,
                 anatomy,
                 ankle: options.ankle.unwrap_or_default(),
+                knee: options.form.knee.unwrap_or_default(),
                 // The averaged ground reaction is smooth already.
                 filters: Filters { motion_hz: 5.0, force_hz: None, contact_threshold: 20.0 },
                 inputs: Vec::new(),
@@ -116,11 +159,12 @@ impl Case {
                 hip_centre: "table".into(),
                 is_cycle: true,
                 quality: None,
+                emg: None,
                 doubts: Vec::new(),
                 took: clock.elapsed(),
             });
         };
-        let both = trial_file(path)?;
+        let both = trial_file(path, &options.changes)?;
         let file = both.leg(options.side.unwrap_or(both.subject.side));
         let trial = file.load(options.data.as_deref())?;
         let mut spec = file.landmarks(options.data.as_deref())?;
@@ -131,16 +175,23 @@ impl Case {
                     "--hip-centre table: `{}` takes its landmarks from markers, not from a table; choose harrington or regression",
                     trial.name
                 );
-                return Err(StudyError::Option(text));
+                return Err(CouplingError::Option(text));
             }
             spec.hip_centre = trial_file::HipCentre::By(rule);
         }
-        let (anatomy, quality) = calibrate(&spec, trial.subject.sex)
-            .map_err(|source| StudyError::Calibration { trial: trial.name.clone(), source })?;
+        if !options.form.corrected_knee_centre {
+            spec.knee_centre = KneeCentre::AsFound;
+        }
+        let (anatomy, quality) = calibrate(&spec, trial.subject.sex, &options.changes.landmarks)
+            .map_err(|source| CouplingError::Calibration { trial: trial.name.clone(), source })?;
         let ankle = match file.model.ankle {
             trial_file::Ankle::Universal => Ankle::Universal,
             trial_file::Ankle::Parallel => Ankle::Parallel,
         };
+        let knee = options.form.knee.unwrap_or(match file.model.knee {
+            trial_file::Knee::Natural => KneeKind::Natural,
+            trial_file::Knee::Implant => KneeKind::Implant,
+        });
         let inputs = file.inputs(options.data.as_deref())?;
         let table = file.landmarks.table.as_deref();
         // Among the inputs the table stands under the folder where it was found.
@@ -167,12 +218,14 @@ impl Case {
         Ok(Case {
             texts,
             ankle: options.ankle.unwrap_or(ankle),
+            knee,
             filters: file.filters(),
             inputs,
             landmarks: source_name(&spec.source).into(),
             hip_centre: hip_name(&spec.hip_centre),
             is_cycle: file.range.cycle.is_some(),
             quality,
+            emg: file.emg(options.data.as_deref())?,
             doubts,
             trial,
             anatomy,
@@ -182,29 +235,54 @@ impl Case {
 }
 
 /// Legs that the trial describes, the one of its main tables first.
-pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, StudyError> {
-    options.trial.as_deref().map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path)?.sides()))
+pub fn sides(options: &OptimizeOptions) -> Result<Vec<Side>, CouplingError> {
+    options
+        .trial
+        .as_deref()
+        .map_or(Ok(vec![Side::Right]), |path| Ok(trial_file(path, &options.changes)?.sides()))
 }
 
-fn trial_file(path: &Path) -> Result<TrialFile, StudyError> {
+fn trial_file(path: &Path, changes: &Changes) -> Result<TrialFile, CouplingError> {
     if path.is_file()
         && let Ok(text) = std::fs::read_to_string(path)
     {
         wanted(TomlKind::Trial, path, &text)?;
     }
-    Ok(TrialFile::read(path)?)
+    if changes.trial.is_empty() {
+        return Ok(TrialFile::read(path)?);
+    }
+    let io = |source| InputError::Io { file: path.to_path_buf(), source };
+    let text = match multibody::shipped::text(path) {
+        Some(text) => text.to_string(),
+        None => std::fs::read_to_string(path).map_err(io)?,
+    };
+    // What is no TOML is said of the file itself.
+    let changed = changes.trial_text(&text).unwrap_or(text);
+    Ok(TrialFile::parse(path, changed.as_bytes())?)
 }
 
 /// Stages of [`optimize`].
 pub const STAGES: [&str; 6] = ["read", "model", "marker fit", "loads", "sharing", "activations"];
 
+/// Stage after sharing where bands are asked for.
+const BANDS: &str = "bands";
+
+/// The stages of these options.
+pub fn stages(options: &OptimizeOptions) -> Vec<&'static str> {
+    let bands = |stage: &'static str| (stage == "sharing" && options.bands).then_some(BANDS);
+    STAGES.into_iter().flat_map(|stage| std::iter::once(stage).chain(bands(stage))).collect()
+}
+
 /// Runs the whole rigid side.
-pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, StudyError> {
+pub fn optimize(options: &OptimizeOptions) -> Result<Optimized, CouplingError> {
     optimize_with(options, &mut |_| ())
 }
 
 /// The same; `lap` is called as each of the [`STAGES`] ends.
-pub fn optimize_with(options: &OptimizeOptions, lap: &mut dyn FnMut(&str)) -> Result<Optimized, StudyError> {
+pub fn optimize_with(
+    options: &OptimizeOptions,
+    lap: &mut dyn FnMut(&str),
+) -> Result<Optimized, CouplingError> {
     let case = Case::load(options)?;
     lap(STAGES[0]);
     solve(case, options, lap)
@@ -215,7 +293,7 @@ pub fn solve(
     case: Case,
     options: &OptimizeOptions,
     lap: &mut dyn FnMut(&str),
-) -> Result<Optimized, StudyError> {
+) -> Result<Optimized, CouplingError> {
     let mut stages = vec![(STAGES[0], case.took)];
     let mut clock = Instant::now();
     let mut lap = |name: &'static str| {
@@ -224,24 +302,95 @@ pub fn solve(
         clock = Instant::now();
     };
     let measured = options.measured.as_deref().map(read_knee_forces).transpose()?;
-    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?;
+    let model = model_of(&case, options)?;
     lap("model");
     let motion = track(&model, &case.trial, &case.filters);
     lap("marker fit");
-    let loads = loads(&model, &motion, &case.trial, &case.filters);
+    let mut loads = loads(&model, &motion, &case.trial, &case.filters);
     lap("loads");
-    let capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
-    let mut effort = share(&model, &motion, &loads, &capacity, &options.sharing)?;
+    let known = Known::new(&model, &motion, &mut loads, case.is_cycle, options)?;
+    let at = |frame: usize| known.capacity(frame);
+    let mut effort = share_each(&model, &motion, &loads, at, &options.sharing)?;
     lap("sharing");
+    let bands = options.bands.then(|| {
+        let bands = bands(&model, &loads, at, &options.sharing, &effort);
+        lap(BANDS);
+        bands
+    });
     let hill = activate(&model, &motion, &mut effort, &options.hill)?;
     lap("activations");
+    let emg = case.emg.as_ref().map(|recorded| emg::compare(recorded, &effort.time, &effort.forces));
     let overlay = measured.map(|forces| Overlay::new(&forces, &effort, case.trial.subject.mass));
     let (measured, not_compared) = match overlay.transpose() {
         Ok(overlay) => (overlay, None),
         Err(why @ MeasuredError::Unsolved { .. }) => (None, Some(why.to_string())),
         Err(bad) => return Err(bad.into()),
     };
-    Ok(Optimized { case, model, motion, loads, effort, hill, measured, not_compared, stages })
+    let passive = known.passive;
+    Ok(Optimized {
+        case,
+        model,
+        motion,
+        loads,
+        effort,
+        hill,
+        bands,
+        passive,
+        emg,
+        measured,
+        not_compared,
+        stages,
+    })
+}
+
+/// The leg of a case in the form of `options`, with the strengths that they change.
+pub(crate) fn model_of(case: &Case, options: &OptimizeOptions) -> Result<Model, ModelError> {
+    let model = Model::new(&case.trial, case.anatomy.clone(), case.ankle)?.with_knee(case.knee);
+    let mut model = if options.form.wrapped { model.with_wrapped_muscles() } else { model };
+    options.changes.strengthen(&mut model);
+    Ok(model)
+}
+
+/// What force sharing knows of muscles and joints beside the loads.
+pub(crate) struct Known {
+    /// One for all frames, or one per reported frame.
+    pub capacities: Vec<Capacity>,
+    /// Passive moments that were taken off the loads.
+    pub passive: Option<Table>,
+}
+
+impl Known {
+    /// Capacities in the form of `options`; passive moments come off the `loads`.
+    pub fn new(
+        model: &Model,
+        motion: &Motion,
+        loads: &mut Loads,
+        is_cycle: bool,
+        options: &OptimizeOptions,
+    ) -> Result<Known, HillError> {
+        let form = &options.form;
+        let follows = Follows { greatest: form.bounds == Bounds::State, least: form.passive.of_muscles() };
+        let has_state = follows.greatest || follows.least;
+        let postures =
+            if has_state || form.passive.of_joints() { generic_postures(model, motion) } else { Vec::new() };
+        let capacities = if has_state {
+            capacities(model, motion, &postures, &options.hill, follows)?
+        } else {
+            vec![Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect())]
+        };
+        let passive = form.passive.of_joints().then(|| {
+            // A cycle is walked upright; otherwise the pelvis is upright where its spines are level.
+            let upright = if is_cycle { passive::upright_tilt(motion) } else { 0.0 };
+            let muscles = follows.least.then_some(capacities.as_slice());
+            passive::relieve(loads, &model.coordinate_names(), &postures, upright, muscles)
+        });
+        Ok(Known { capacities, passive })
+    }
+
+    /// Capacity of a reported frame.
+    pub fn capacity(&self, frame: usize) -> &Capacity {
+        &self.capacities[if self.capacities.len() > 1 { frame } else { 0 }]
+    }
 }
 
 fn source_name(source: &trial_file::Landmarks) -> &'static str {

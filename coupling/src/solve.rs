@@ -15,7 +15,7 @@ use multibody::InputError;
 use multibody::error::{Place, nearest};
 use multibody::keys::line_of;
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 
 /// A scene with everything but the solution.
 pub struct OwnScene {
@@ -37,14 +37,14 @@ pub struct OwnScene {
 
 impl OwnScene {
     /// Reads a scene with all that it names. Mistakes are named with file and place, those of a file all at once where it can be read at all.
-    pub fn read(file: &Path) -> Result<OwnScene, StudyError> {
+    pub fn read(file: &Path) -> Result<OwnScene, CouplingError> {
         let text =
             std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
         let scene = parse(&text, file)?;
         let beside = |name: &Option<PathBuf>| file.with_file_name(name.clone().expect("looked for"));
         let files = [file.to_path_buf(), beside(&scene.mesh), beside(&scene.drive)];
         let plan = Plan::new(&scene, Mesh::read(&files[1], scene.mesh_unit)?)
-            .map_err(|source| StudyError::Plan { file: file.into(), source })?;
+            .map_err(|source| CouplingError::Plan { file: file.into(), source })?;
         let mistakes = wrong_cuts(&scene.cuts, &plan);
         if !mistakes.is_empty() {
             return Err(malformed(file, Place::Whole, mistakes.join("; "), "mend the [[cuts]]").into());

@@ -6,6 +6,7 @@
 use nalgebra::DMatrix;
 
 use crate::model::{FLAT_FOOT, Model};
+use crate::muscle::MuscleTendon;
 use crate::muscle::hill::{self, FibreVelocity, HillError, HillResult, Settings};
 use crate::muscle::musculotendon::{GenericPosture, MusculotendonModel};
 use crate::natural::SegmentId;
@@ -55,6 +56,34 @@ pub fn generic_postures(model: &Model, motion: &Motion) -> Vec<GenericPosture> {
         .collect()
 }
 
+/// Lengths of the muscles with their tendons \[m\] in the generic leg, a row per posture.
+pub fn musculotendon_lengths(postures: &[GenericPosture]) -> DMatrix<f64> {
+    let generic = MusculotendonModel::generic();
+    let mut lengths = DMatrix::zeros(postures.len(), generic.units.len());
+    for (k, posture) in postures.iter().enumerate() {
+        for (m, length) in generic.lengths(posture).into_iter().enumerate() {
+            lengths[(k, m)] = length;
+        }
+    }
+    lengths
+}
+
+/// Frames per second; 1 where there is one frame alone.
+pub fn frame_rate(time: &[f64]) -> f64 {
+    let n = time.len();
+    if n > 1 { (n - 1) as f64 / (time[n - 1] - time[0]) } else { 1.0 }
+}
+
+/// Parameters of the generic muscles with the strengths of `model`.
+pub fn units(model: &Model) -> Vec<MuscleTendon> {
+    let generic = &MusculotendonModel::generic().units;
+    generic
+        .iter()
+        .zip(&model.muscles)
+        .map(|(unit, m)| MuscleTendon { f_max: m.f_max, ..unit.clone() })
+        .collect()
+}
+
 /// Fills the activations of `effort` and returns what the Hill model says beside them.
 pub fn activate(
     model: &Model,
@@ -62,16 +91,8 @@ pub fn activate(
     effort: &mut Effort,
     settings: &Settings,
 ) -> Result<HillResult, HillError> {
-    let generic = MusculotendonModel::generic();
-    let postures = generic_postures(model, motion);
-    let mut lengths = DMatrix::zeros(postures.len(), generic.units.len());
-    for (k, posture) in postures.iter().enumerate() {
-        for (m, length) in generic.lengths(posture).into_iter().enumerate() {
-            lengths[(k, m)] = length;
-        }
-    }
-    let n = effort.time.len();
-    let rate = if n > 1 { (n - 1) as f64 / (effort.time[n - 1] - effort.time[0]) } else { 1.0 };
+    let lengths = musculotendon_lengths(&generic_postures(model, motion));
+    let rate = frame_rate(&effort.time);
     let mut settings = *settings;
     if let FibreVelocity::LowPass { cutoff_hz } = settings.velocity
         && cutoff_hz >= 0.5 * rate
@@ -79,7 +100,7 @@ pub fn activate(
         // The frames are too slow to hold anything that the filter would remove.
         settings.velocity = FibreVelocity::Differences;
     }
-    let result = hill::activations(&generic.units, &lengths, &effort.forces.values, rate, &settings)?;
+    let result = hill::activations(&units(model), &lengths, &effort.forces.values, rate, &settings)?;
     effort.activations.values.copy_from(&result.activation);
     Ok(result)
 }

@@ -18,11 +18,12 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::dynamics::LegForce;
 use crate::joint::{Equation, Force};
-use crate::model::{Ankle, Model};
+use crate::model::{Ankle, KneeKind, Model};
 use crate::muscle::path::knee_angle;
 use crate::natural::{Coordinates, N_BLOCKS, SegmentId, block};
 use crate::tables::JointTable;
 use crate::tangent::Tangent;
+use crate::tray;
 
 const LEG: [SegmentId; 4] = [SegmentId::Foot, SegmentId::Shank, SegmentId::Patella, SegmentId::Thigh];
 /// Virtual motions per segment: turn (3), shift (3), stretch (1).
@@ -74,7 +75,10 @@ pub fn equilibrium(model: &Model, Q: &Coordinates, load: &LegForce) -> Option<Eq
     }
 
     let first = N_VIRTUAL - n_coordinates;
-    let reactions = wanted(model, Q, &columns);
+    let mut reactions = wanted(model, Q, &columns);
+    if model.knee == KneeKind::Implant {
+        tray::bear(model, Q, &model.reaction_names(), &mut reactions);
+    }
     Some(Equilibrium {
         lever_arms: columns.view((first, 0), (n_coordinates, n_muscles)).into_owned(),
         moments: columns.view((first, n_muscles), (n_coordinates, 1)).column(0).into_owned(),

@@ -459,6 +459,17 @@ fn did_you_mean(nearest: &Option<String>) -> String {
     }
 }
 
+/// What an error says of the name that was probably meant, with a blank behind it; nothing where none is near.
+pub fn hint(nearest: Option<String>) -> String {
+    nearest.map_or(String::new(), |name| format!("did you mean `{name}`? "))
+}
+
+/// The remedy for a name that is none of `known`: the nearest one, then what there is. `what_are`: such as "the muscles of the thigh are".
+pub fn unknown<'a>(name: &str, what_are: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {
+    let hint = hint(nearest(name, known.clone()));
+    format!("{hint}{what_are} {}", known.collect::<Vec<_>>().join(", "))
+}
+
 /// The candidate spelt most like `name` (Levenshtein distance, case ignored), if it is near enough to be meant.
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let wanted: Vec<char> = name.chars().take(64).flat_map(char::to_lowercase).collect();

@@ -8,6 +8,7 @@ use thiserror::Error;
 use crate::anatomy::{Anatomy, SegmentPosture};
 use crate::joint::{self, Equation, Force};
 use crate::muscle::path::{Muscle, muscles};
+use crate::muscle::wrapped::wrapped_muscles;
 use crate::natural::{Coordinates, End, Pose, SegmentId, Shape, VectorForm, point_form};
 use crate::tables::{JointTable, segment_inertia};
 use crate::trial::{Sex, Trial};
@@ -28,6 +29,17 @@ pub enum Ankle {
     Universal,
     /// Point contact and two isometric ligaments; one degree of freedom.
     Parallel,
+}
+
+/// What the knee is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum KneeKind {
+    /// Cruciate ligaments that pull, as published.
+    #[default]
+    Natural,
+    /// A prosthesis: no cruciate ligaments, shear both ways, compartments that may lift off ([`crate::tray`]).
+    Implant,
 }
 
 /// A marker of the fit.
@@ -65,6 +77,8 @@ pub struct Model {
     pub shapes: [Shape; 5],
     /// Which ankle.
     pub ankle: Ankle,
+    /// What the knee is.
+    pub knee: KneeKind,
     /// Joint equations: ankle, knee, patella, hip.
     pub equations: Vec<Equation>,
     /// Hip centre in pelvis SCS from rP \[m\].
@@ -155,12 +169,23 @@ impl Model {
             inertia: leg_inertia(&shapes, trial.subject.mass, trial.subject.sex),
             shapes,
             ankle,
+            knee: KneeKind::Natural,
             equations,
             hip,
             markers,
             neutral_foot,
             anatomy,
         })
+    }
+
+    /// The same leg with quadriceps and gastrocnemii over cylinders, so that no lever arm jumps ([`crate::muscle::wrapped`]).
+    pub fn with_wrapped_muscles(self) -> Model {
+        Model { muscles: wrapped_muscles(&self.shapes, &self.hip), ..self }
+    }
+
+    /// The same leg with another kind of knee.
+    pub fn with_knee(self, knee: KneeKind) -> Model {
+        Model { knee, ..self }
     }
 
     /// Number of joint equations (18 or 19).
@@ -191,6 +216,13 @@ impl Model {
                     names.push(name.to_string());
                 }
                 Equation::Product { force: Force::None, .. } => {}
+            }
+        }
+        if self.knee == KneeKind::Implant {
+            for name in &mut names {
+                if let Some((_, shear)) = crate::tray::SHEAR.iter().find(|(ligament, _)| name == ligament) {
+                    *name = shear.to_string();
+                }
             }
         }
         names.extend(["foot_axial", "tibia_axial", "patella_axial", "femur_axial"].map(String::from));

@@ -74,11 +74,16 @@ impl VectorForm {
 
     /// This form minus another one.
     pub fn minus(&self, other: &VectorForm) -> VectorForm {
+        self.plus(other, -1.0)
+    }
+
+    /// This form plus `factor` times another one.
+    pub fn plus(&self, other: &VectorForm, factor: f64) -> VectorForm {
         let mut terms = self.terms.clone();
         for &(b, k) in &other.terms {
             match terms.iter_mut().find(|(c, _)| *c == b) {
-                Some((_, sum)) => *sum -= k,
-                None => terms.push((b, -k)),
+                Some((_, sum)) => *sum += factor * k,
+                None => terms.push((b, factor * k)),
             }
         }
         terms.retain(|&(_, k)| k != 0.0);

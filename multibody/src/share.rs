@@ -3,12 +3,13 @@
 #![allow(non_snake_case)]
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::loads::Loads;
-use crate::model::{Ankle, Model};
+use crate::model::{Ankle, KneeKind, Model};
 use crate::sharing::{
-    Capacity, MuscleCost, Names, ReactionCost, Sharing, SharingError, SharingOptions, SharingProblem,
-    muscle_weights, reactions, share_frames,
+    Capacity, MuscleCost, Names, Reaction, ReactionCost, SHEAR, Sharing, SharingError, SharingOptions,
+    SharingProblem, extremes, muscle_weights, reactions, share_frames,
 };
 use crate::trial::{Effort, Motion, Status, Table, Verdict};
 
@@ -49,6 +50,22 @@ pub fn names(model: &Model) -> Names {
     }
 }
 
+/// Weights and bounds of the joint forces of a model, in the order of their rows.
+pub fn reactions_of(model: &Model) -> Vec<Reaction> {
+    let mut table = reactions(model.ankle == Ankle::Parallel);
+    if model.knee == KneeKind::Implant {
+        for reaction in &mut table {
+            match reaction.name {
+                "acl" => *reaction = SHEAR[0],
+                "pcl" => *reaction = SHEAR[1],
+                "mcl" => *reaction = SHEAR[2],
+                _ => {}
+            }
+        }
+    }
+    table
+}
+
 /// The sharing problem of one reported frame, in which the muscles have this `capacity`; `None` where the loads are unknown.
 pub fn problem(
     model: &Model,
@@ -60,7 +77,7 @@ pub fn problem(
     let reduced = loads.reduced[frame].as_ref()?;
     let n = model.muscles.len();
     let l_opt: Vec<f64> = model.muscles.iter().map(|m| m.l_opt).collect();
-    let table = reactions(model.ankle == Ankle::Parallel);
+    let table = reactions_of(model);
     let mut R = reduced.lever_arms.clone();
     for given in &capacity.lever_arms {
         R[(given.coordinate, given.muscle)] = given.arm;
@@ -95,10 +112,23 @@ pub fn share(
     capacity: &Capacity,
     settings: &SharingSettings,
 ) -> Result<Effort, SharingError> {
+    share_each(model, motion, loads, |_| capacity, settings)
+}
+
+/// The same with the capacity of each reported frame.
+pub fn share_each<'a>(
+    model: &Model,
+    motion: &Motion,
+    loads: &Loads,
+    capacity: impl Fn(usize) -> &'a Capacity + Sync,
+    settings: &SharingSettings,
+) -> Result<Effort, SharingError> {
     let names = names(model);
     let known: Vec<usize> = (0..loads.time.len()).filter(|&k| loads.reduced[k].is_some()).collect();
     let solved = share_frames(known.len(), &names, settings.options, |k| {
-        Ok::<_, SharingError>(problem(model, loads, known[k], capacity, settings).expect("loads are known"))
+        Ok::<_, SharingError>(
+            problem(model, loads, known[k], capacity(known[k]), settings).expect("loads are known"),
+        )
     })?;
     let n = loads.time.len();
     let mut frames: Vec<Option<Sharing>> = vec![None; n];
@@ -144,6 +174,65 @@ pub fn share(
         least_violation,
         verdicts,
     })
+}
+
+/// What [`bands`] are about, in the order of their columns: each has a `_least` and a `_greatest`.
+pub const BAND_NAMES: [&str; 5] = ["knee_medial", "knee_lateral", "knee_total", "hip", "ankle"];
+
+/// Least and greatest joint forces \[N\] over all tensions that carry the moments within all bounds, whatever they cost: columns
+/// `knee_medial_least`, `knee_medial_greatest` and so on ([`BAND_NAMES`]), a row per reported frame; NaN in frames that are not solved.
+///
+/// Hip and ankle forces are vectors, and the length of a vector is no linear function: their bands are of the component along the force
+/// that was found. Reserves stay as they were found.
+pub fn bands<'a>(
+    model: &Model,
+    loads: &Loads,
+    capacity: impl Fn(usize) -> &'a Capacity + Sync,
+    settings: &SharingSettings,
+    effort: &Effort,
+) -> Table {
+    let names = model.reaction_names();
+    let at = |name: &str| names.iter().position(|n| n == name).expect("a reaction of every leg");
+    let (medial, lateral) = (at("knee_medial"), at("knee_lateral"));
+    let vectors = ["hip", "ankle"].map(|joint| ["x", "y", "z"].map(|axis| at(&format!("{joint}_{axis}"))));
+    let columns =
+        BAND_NAMES.iter().flat_map(|name| ["least", "greatest"].map(|end| format!("{name}_{end}"))).collect();
+    let frames: Vec<usize> = (0..loads.time.len()).collect();
+    let rows: Vec<Vec<f64>> = frames
+        .par_iter()
+        .map(|&frame| {
+            let unknown = vec![f64::NAN; 2 * BAND_NAMES.len()];
+            let is_solved = effort.verdicts[frame].status == Status::Solved;
+            let posed = is_solved.then(|| problem(model, loads, frame, capacity(frame), settings)).flatten();
+            let Some(posed) = posed else { return unknown };
+            let row = |table: &Table| table.values.row(frame).transpose();
+            let (f, x) = (row(&effort.forces), row(&effort.reactions));
+            let s = if effort.reserves.columns.is_empty() {
+                DVector::zeros(posed.n_coordinates())
+            } else {
+                row(&effort.reserves)
+            };
+            let one = |parts: &[(usize, f64)]| {
+                let mut w = DVector::zeros(x.len());
+                parts.iter().for_each(|&(j, part)| w[j] = part);
+                w
+            };
+            let along = |axes: &[usize; 3]| {
+                let length = axes.map(|j| x[j] * x[j]).iter().sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+                one(&axes.map(|j| (j, x[j] / length)))
+            };
+            let objectives = [
+                one(&[(medial, 1.0)]),
+                one(&[(lateral, 1.0)]),
+                one(&[(medial, 1.0), (lateral, 1.0)]),
+                along(&vectors[0]),
+                along(&vectors[1]),
+            ];
+            extremes(&posed, &f, &s, &objectives).concat()
+        })
+        .collect();
+    let values = DMatrix::from_fn(rows.len(), 2 * BAND_NAMES.len(), |k, j| rows[k][j]);
+    Table { columns, values }
 }
 
 fn unknown_loads(motion: &Motion, frame: usize) -> Verdict {

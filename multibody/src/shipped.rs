@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{InputError, Place, nearest};
+use crate::error::{InputError, Place, unknown};
 
 /// First part of their paths.
 const ROOT: &str = "<shipped>";
@@ -104,10 +104,8 @@ pub fn find(given: &Path, kind: Kind) -> Result<PathBuf, InputError> {
     }
     let stem = given.file_stem().map(|s| s.to_string_lossy()).unwrap_or_default();
     let remedy = if is_word {
-        let meant = nearest(&word, kind.all().map(|(name, _)| name));
-        let meant = meant.map_or(String::new(), |name| format!("did you mean `{name}`? "));
         let names: Vec<&str> = kind.all().map(|(name, _)| name).collect();
-        format!("{meant}give a file, or a shipped one: {}", names.join(", "))
+        unknown(&word, "give a file, or a shipped one:", names.iter().copied())
     } else if shipped(&stem) {
         format!("the shipped one is named without folder and ending: {stem}")
     } else {

@@ -81,6 +81,11 @@ pub fn segment_inertia(segment: &str, sex: &str) -> SegmentTable {
     }
 }
 
+/// Names of the 43 muscle lines, in the order of forces and lever arms (`muscles.csv`).
+pub fn muscle_names() -> Vec<String> {
+    rows(include_str!("../../gait-data/muscles.csv")).into_iter().map(|row| row["name"].clone()).collect()
+}
+
 /// A centre of `pelvis_centres.csv` ("lumbar", "hip_right") as a fraction of the pelvis width, from the midpoint of
 /// the ASISs in pelvis axes.
 pub fn pelvis_centre(centre: &str, sex: &str) -> Vector3<f64> {

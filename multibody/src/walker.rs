@@ -8,7 +8,8 @@ use std::collections::HashMap;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::anatomy::Anatomy;
-use crate::calibration::table::{self, TableItem};
+use crate::calibration::shifts::Shifts;
+use crate::calibration::table::{self, TableError, TableItem};
 use crate::natural::SegmentId;
 use crate::tables::{number, rows};
 use crate::trial::{GroundReaction, MarkerTrack, Sex, Side, Subject, Trial};
@@ -29,16 +30,14 @@ pub enum Knee {
 
 /// Trial and anatomy of the built-in walker; 101 reported frames, 0 to 100 % of a right gait cycle.
 pub fn walker(knee: Knee) -> (Trial, Anatomy) {
-    let items = table::read(include_str!("../../gait-data/reference_subject.csv")).expect("built-in table");
+    let items = items();
     let scalars = rows(include_str!("../../gait-data/reference_subject.csv"));
     let scalar = |item: &str| {
         let row = scalars.iter().find(|r| r["item"] == item).expect("built-in table");
         number(row, "x_or_value")
     };
     let tracked: Vec<&TableItem> = items.iter().filter(|i| is_tracked(i)).collect();
-    let recorded: HashMap<String, String> =
-        tracked.iter().map(|i| (i.item.clone(), i.item.clone())).collect();
-    let anatomy = table::anatomy(&items, &recorded, None, Sex::Male).expect("built-in table");
+    let anatomy = anatomy(&items, &Shifts::none()).expect("built-in table");
 
     let (mass, stride) = (scalar("body mass"), scalar("stride length"));
     let gait = rows(include_str!("../../gait-data/reference_gait.csv"));
@@ -79,6 +78,21 @@ pub fn walker(knee: Knee) -> (Trial, Anatomy) {
         trial.ground.moment.push(cop.cross(&force));
     }
     (trial, anatomy)
+}
+
+/// Anatomy of the built-in walker with its landmarks shifted; its markers were made with those of the table.
+pub fn shifted(shifts: &Shifts) -> Result<Anatomy, TableError> {
+    anatomy(&items(), shifts)
+}
+
+fn items() -> Vec<TableItem> {
+    table::read(include_str!("../../gait-data/reference_subject.csv")).expect("built-in table")
+}
+
+fn anatomy(items: &[TableItem], shifts: &Shifts) -> Result<Anatomy, TableError> {
+    let tracked = items.iter().filter(|i| is_tracked(i));
+    let recorded: HashMap<String, String> = tracked.map(|i| (i.item.clone(), i.item.clone())).collect();
+    table::anatomy(items, &recorded, None, Sex::Male, shifts)
 }
 
 /// Markers of the fit: those that sit on the body, and the metatarsal heads.

@@ -8,6 +8,7 @@ use fem::plan::Plan;
 use fem::run::{Drive, run};
 use fem::scene::*;
 use fem::solve::Settings;
+use rayon::prelude::*;
 use support::contact_scenes::*;
 use support::fem_scenes::{held, mooney_rivlin, plan};
 use support::{Random, taylor_order};
@@ -431,6 +432,31 @@ fn the_number_of_threads_does_not_change_a_bit() {
     };
     let one = answer(1);
     assert!(one == answer(2) && one == answer(7));
+}
+
+#[test]
+fn solutions_of_one_plan_at_once_are_that_of_one_alone() {
+    let (scene, mesh, poses) = random_scene(4);
+    let poses: Vec<_> = poses.iter().map(|(n, p)| (n.as_str(), *p)).collect();
+    let answer = |plan: &Plan| {
+        let out = run(plan, &ramp(plan, &[], &poses, 1), &Settings::default(), None, &mut |_| {});
+        let last = out.frames.last().or(out.unsolved.as_ref()).expect("a state");
+        last.x.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+    };
+    let alone = answer(&plan(&scene, &mesh));
+    let plan = plan(&scene, &mesh);
+    // A worker that waits for its own work takes up another solution meanwhile.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
+    let (done, all) = std::sync::mpsc::channel();
+    std::thread::scope(|threads| {
+        threads.spawn(|| {
+            done.send(pool.install(|| (0..6).into_par_iter().map(|_| answer(&plan)).collect::<Vec<_>>()))
+        });
+        let waited = all.recv_timeout(std::time::Duration::from_secs(300));
+        // A thread that waits for ever cannot be ended otherwise.
+        let Ok(answers) = waited else { std::process::abort() };
+        assert!(answers.iter().all(|a| *a == alone));
+    });
 }
 
 #[test]

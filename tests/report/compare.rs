@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 
 use base64::Engine;
 use command::report::compare::{CompareReport, compare_page};
+use coupling::comparison::{Comparison, Prepared};
 use coupling::configuration::PerConfiguration;
 use coupling::scene::Scene;
 use coupling::scene::StepName;
-use coupling::study::{Comparison, Prepared};
 use fem::geometry::Surface;
 use fem::parts::fields;
 use nalgebra::Vector3;
@@ -20,7 +20,7 @@ use super::in_browser;
 /// Two glutei at a coarse resolution, stress-free at heel strike, in both configurations.
 struct Small {
     prepared: Prepared,
-    study: Comparison,
+    comparison: Comparison,
 }
 
 fn small() -> &'static Small {
@@ -30,8 +30,8 @@ fn small() -> &'static Small {
         let scene = Scene::parse(Path::new("glutei.toml"), text, None).unwrap();
         let prepared = Prepared::new(scene, None, &mut |_| ()).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let study = prepared.solve(PerConfiguration::of(|_| true), folder.path(), false, &mut |_| ()).unwrap();
-        Small { prepared, study }
+        let comparison = prepared.solve(PerConfiguration::of(|_| true), folder.path(), false, &mut |_| ()).unwrap();
+        Small { prepared, comparison }
     })
 }
 
@@ -39,7 +39,7 @@ fn report(small: &Small) -> CompareReport<'_> {
     CompareReport {
         subject: "S01, male, 70 kg, 1.72 m, right leg",
         name: "two <glutei>",
-        comparison: &small.study,
+        comparison: &small.comparison,
         bones: &small.prepared.made.as_ref().unwrap().bones,
         mid_thigh: small.prepared.mid_thigh(), // far from the glutei
         settings: &[],
@@ -109,11 +109,11 @@ fn the_viewer_holds_places_and_nodal_values_to_half_a_step_of_its_scale() {
     let head: Value = serde_json::from_str(data(&page, "head")).unwrap();
     let n = head["vertices"].as_u64().unwrap() as usize;
     let pair = |v: &Value| [v[0].as_f64().unwrap(), v[1].as_f64().unwrap()];
-    let thigh = &small.study.thigh;
+    let thigh = &small.comparison.thigh;
     let mesh = &thigh.mesh;
     let mut index = 0;
     let mut seen = [0; 5];
-    for (_, result) in small.study.solutions.present() {
+    for (_, result) in small.comparison.solutions.present() {
         let plan = &result.plan;
         index += 1; // the mesh at rest has no values
         for frame in &result.run.frames {

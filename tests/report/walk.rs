@@ -250,6 +250,10 @@ impl Walk {
             left_out: &self.left_out,
             notes: &self.notes,
             measured: self.overlay.as_ref(),
+            bands: None,
+            passive: None,
+            emg: None,
+            samples: None,
             gait2392: None,
         }
     }

@@ -40,6 +40,11 @@ pub fn shared(relative: &str) -> Option<PathBuf> {
     None
 }
 
+/// A shipped trial file by its name.
+pub fn shipped_trial(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../gait-data/trials").join(name).with_extension("toml")
+}
+
 /// Order at which `|f(h) - f(0) - h * slope|` falls: 2 when `slope` is f'(0), clearly less when it is not.
 ///
 /// `h`: first step, small against the length over which `f` bends.

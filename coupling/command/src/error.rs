@@ -1,6 +1,6 @@
 //! Why a command ended without results.
 
-use coupling::error::StudyError;
+use coupling::error::CouplingError;
 use thiserror::Error;
 
 use crate::output::OutputError;
@@ -9,16 +9,16 @@ use crate::output::OutputError;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CommandError {
-    /// The study found no results.
+    /// There are no results.
     #[error(transparent)]
-    Study(#[from] StudyError),
+    Coupling(#[from] CouplingError),
     /// What stops one leg of a trial of both.
     #[error("{side} leg: {source}")]
     OfLeg {
         /// `right` or `left`.
         side: &'static str,
         /// Why.
-        source: Box<StudyError>,
+        source: Box<CouplingError>,
     },
     /// Results cannot be written.
     #[error(transparent)]
@@ -32,25 +32,25 @@ impl CommandError {
     /// Exit code of the process: 3 where a solver failed, 2 for bad input.
     pub fn exit_code(&self) -> u8 {
         match self {
-            CommandError::Study(source) => source.exit_code(),
+            CommandError::Coupling(source) => source.exit_code(),
             CommandError::OfLeg { source, .. } => source.exit_code(),
             _ => 2,
         }
     }
 }
 
-/// What is read for a command alone, without a study, stops it as it would stop one.
-macro_rules! as_in_a_study {
+/// What is read for a command alone stops it as it would stop a scene.
+macro_rules! as_of_a_scene {
     ($($source:ty),+) => {
         $(impl From<$source> for CommandError {
             fn from(source: $source) -> CommandError {
-                CommandError::Study(source.into())
+                CommandError::Coupling(source.into())
             }
         })+
     };
 }
 
-as_in_a_study!(
+as_of_a_scene!(
     multibody::InputError,
     multibody::model::ModelError,
     fem::mesh::MeshError,

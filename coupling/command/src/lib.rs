@@ -7,4 +7,5 @@
 pub mod cli;
 pub mod error;
 pub mod output;
+pub mod program;
 pub mod report;

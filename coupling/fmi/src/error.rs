@@ -1,6 +1,6 @@
 //! What a unit refuses, and what it cannot do.
 
-use coupling::error::StudyError;
+use coupling::error::CouplingError;
 
 /// Why a call did not do what was asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -20,10 +20,10 @@ impl UnitError {
     }
 }
 
-impl From<StudyError> for UnitError {
-    fn from(error: StudyError) -> UnitError {
+impl From<CouplingError> for UnitError {
+    fn from(error: CouplingError) -> UnitError {
         match error {
-            StudyError::NotConverged(words) => UnitError::NoSolution(words),
+            CouplingError::NotConverged(words) => UnitError::NoSolution(words),
             bad => UnitError::Wrong(bad.to_string()),
         }
     }

@@ -11,11 +11,11 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use coupling::comparison::{Prepared, Sized};
 use coupling::configuration::Configuration;
 use coupling::fibres::WrittenCalibration;
 use coupling::scene::Scene;
 use coupling::session::{RigidSide, ThighSide};
-use coupling::study::{Prepared, Sized};
 use multibody::shipped::is_shipped;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

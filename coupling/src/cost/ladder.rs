@@ -4,15 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use multibody::InputError;
-use multibody::error::{Mistakes, Place, nearest};
+use multibody::error::{Mistakes, Place, hint, nearest};
 use multibody::keys::Kind::{File, Sections, Settings, Text, Values, Word};
 use multibody::keys::Need::{Default, Optional, Required};
-use multibody::keys::{Key, examine, key, line_of};
+use multibody::keys::{Key, examine, key};
 use multibody::shipped::{self, Kind};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use crate::scene::{KEYS as SCENE_KEYS, Scene, TomlKind, wanted};
+use crate::source::Source;
 
 /// One row per key of a ladder; a test compares them with the struct.
 #[rustfmt::skip]
@@ -145,8 +146,9 @@ impl Ladder {
         wanted(TomlKind::Ladder, file, text)?;
         let mut wrong = Mistakes::default();
         let read = examine(file, text, KEYS, &mut wrong).and_then(|d| d.fill(file, text, &mut wrong));
-        let made =
-            read.and_then(|entry: LadderFile| Reader { file, text, data }.ladder(&entry, scene, &mut wrong));
+        let made = read.and_then(|entry: LadderFile| {
+            Reader { source: Source { file, text }, data }.ladder(&entry, scene, &mut wrong)
+        });
         wrong.finish()?;
         made.ok_or_else(|| InputError::Malformed {
             file: file.to_path_buf(),
@@ -200,24 +202,13 @@ impl Ladder {
     }
 }
 
-/// The text that errors point into.
+/// What is read, and where recordings and surfaces are looked for.
 struct Reader<'a> {
-    file: &'a Path,
-    text: &'a str,
+    source: Source<'a>,
     data: Option<&'a Path>,
 }
 
 impl Reader<'_> {
-    fn bad(&self, byte: usize, key: &str, value: impl ToString, remedy: impl ToString) -> InputError {
-        InputError::BadValue {
-            file: self.file.to_path_buf(),
-            line: line_of(self.text, byte),
-            key: key.into(),
-            value: value.to_string(),
-            remedy: remedy.to_string(),
-        }
-    }
-
     fn ladder(&self, entry: &LadderFile, scene: Option<&Path>, wrong: &mut Mistakes) -> Option<Ladder> {
         let own = entry.scene.as_ref().map_or(PathBuf::from("walker"), |s| s.get_ref().clone());
         let stem =
@@ -225,8 +216,8 @@ impl Reader<'_> {
         let (given, name) = match scene {
             Some(scene) => (scene.to_path_buf(), stem(scene)),
             None => {
-                let beside = self.file.with_file_name(&own);
-                (if beside.is_file() { beside } else { own }, stem(self.file))
+                let beside = self.source.file.with_file_name(&own);
+                (if beside.is_file() { beside } else { own }, stem(self.source.file))
             }
         };
         if let (None, Some(named)) = (scene, &entry.scene) {
@@ -237,7 +228,7 @@ impl Reader<'_> {
             };
             if let Some(remedy) = remedy {
                 let value = format!("`{}`", given.display());
-                wrong.note(self.bad(named.span().start, "scene", value, remedy));
+                wrong.note(self.source.bad_at(named.span().start, "scene", value, remedy));
                 return None;
             }
         }
@@ -245,13 +236,18 @@ impl Reader<'_> {
         let of_base = base.name.clone();
         let base = wrong.keep(changed(&base, &BTreeMap::new(), BASE, self.data))?;
         let rung = Rung { name: BASE.into(), differs: BTreeMap::new(), scene: base };
-        let mut ladder =
-            Ladder { name, text: self.text.to_string(), scene: of_base, rungs: vec![rung], axes: Vec::new() };
+        let mut ladder = Ladder {
+            name,
+            text: self.source.text.to_string(),
+            scene: of_base,
+            rungs: vec![rung],
+            axes: Vec::new(),
+        };
         let mut names = BTreeSet::new();
         for axis in &entry.axis {
             if !names.insert(file_name(axis.name.get_ref())) {
                 let remedy = "every axis has a name of its own";
-                wrong.note(self.bad(
+                wrong.note(self.source.bad_at(
                     axis.name.span().start,
                     "name",
                     format!("`{}` again", axis.name.get_ref()),
@@ -268,7 +264,12 @@ impl Reader<'_> {
         let mut known = true;
         for key in std::iter::once(&entry.key).chain(entry.with.keys()) {
             if let Err(remedy) = known_key(key.get_ref()) {
-                wrong.note(self.bad(key.span().start, "key", format!("`{}`", key.get_ref()), remedy));
+                wrong.note(self.source.bad_at(
+                    key.span().start,
+                    "key",
+                    format!("`{}`", key.get_ref()),
+                    remedy,
+                ));
                 known = false;
             }
         }
@@ -285,10 +286,15 @@ impl Reader<'_> {
             match ladder.add(&name, differs, self.data) {
                 Ok(rung) if rungs.contains(&rung) => {
                     let remedy = "every value once";
-                    wrong.note(self.bad(value.span().start, "values", words(value.get_ref()), remedy));
+                    wrong.note(self.source.bad_at(
+                        value.span().start,
+                        "values",
+                        words(value.get_ref()),
+                        remedy,
+                    ));
                 }
                 Ok(rung) => rungs.push(rung),
-                Err(error) => wrong.note(self.bad(
+                Err(error) => wrong.note(self.source.bad_at(
                     value.span().start,
                     entry.key.get_ref(),
                     words(value.get_ref()),
@@ -298,7 +304,7 @@ impl Reader<'_> {
         }
         if entry.values.len() < 2 {
             let remedy = "give two values at least, from coarse to fine";
-            wrong.note(self.bad(
+            wrong.note(self.source.bad_at(
                 entry.key.span().start,
                 "values",
                 format!("{} of them", entry.values.len()),
@@ -331,7 +337,7 @@ fn known_key(key: &str) -> Result<(), String> {
     }
     let meant = nearest(key, keys().map(|k| k.path))
         .or_else(|| keys().find(|k| k.name() == key).map(|k| k.path.to_string()));
-    let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
+    let meant = hint(meant);
     let all: Vec<&str> = keys().map(|k| k.path).collect();
     Err(format!("{meant}keys of a scene are {}", all.join(", ")))
 }

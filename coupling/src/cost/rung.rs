@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::comparison::quantities::Quantity;
 use crate::configuration::Configuration;
-use crate::study::quantities::Quantity;
 
 /// Numbers of a run by step, configuration, quantity and whose it is, as in `quantities.csv`.
 pub type Numbers = BTreeMap<[String; 3], f64>;

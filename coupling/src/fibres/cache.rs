@@ -79,13 +79,18 @@ pub fn content_hash(mesh: &Mesh, rest: &str) -> String {
     hex(digest.finalize())
 }
 
+/// SHA-256 of a text and of this program.
+pub fn program_hash(text: &str) -> String {
+    hex(Sha256::new().chain_update(text).chain_update(program()).finalize())
+}
+
 /// SHA-256 of a mesh and of `rest`, whichever program asks.
 pub fn lasting_hash(mesh: &Mesh, rest: &str) -> String {
     hex(of_mesh(mesh, rest).finalize())
 }
 
-/// SHA-256 of a text, hexadecimal.
-pub fn text_hash(text: &str) -> String {
+/// SHA-256 of a text or of bytes, hexadecimal.
+pub fn text_hash(text: impl AsRef<[u8]>) -> String {
     hex(Sha256::digest(text))
 }
 
@@ -102,11 +107,19 @@ fn of_mesh(mesh: &Mesh, rest: &str) -> Sha256 {
     digest
 }
 
+static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+
+/// Says which file holds the code of this program, where that is not its executable: a library that another program has loaded.
+pub fn program_is(file: PathBuf) {
+    let _ = PROGRAM.set(file); // said already: the same
+}
+
 /// Hash of the running program; another one may compute something else.
 fn program() -> &'static [u8] {
     static HASH: OnceLock<Vec<u8>> = OnceLock::new();
     HASH.get_or_init(|| {
-        let program = std::env::current_exe().and_then(std::fs::read);
+        let executable = || std::env::current_exe();
+        let program = PROGRAM.get().cloned().map_or_else(executable, Ok).and_then(std::fs::read);
         program.map_or(Vec::new(), |bytes| Sha256::digest(bytes).to_vec())
     })
 }

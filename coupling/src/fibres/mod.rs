@@ -12,6 +12,7 @@ use fem::solve::Settings;
 use multibody::model::Model;
 use multibody::muscle::hill;
 
+use crate::comparison::compare::{CompareError, wanted};
 use crate::fibres::cache::Cache;
 use crate::fibres::hill_calibration::{Calibrated, Posture, calibrate_hill, with_laws};
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
@@ -19,7 +20,6 @@ use crate::fibres::thermal_calibration::{CalibrationError, FibreCurve, calibrate
 use crate::number::short;
 use crate::scene::{Fibres, StressFree};
 use crate::steps::{RigidStep, rigid_muscles_at, rigid_muscles_standing};
-use crate::study::compare::{CompareError, wanted};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
 

@@ -77,6 +77,8 @@ pub enum TomlKind {
     Trial,
     /// A ladder of `cost` ([`crate::cost::ladder`]): it has axes.
     Ladder,
+    /// A study ([`mod@crate::study`]): it has samples, settings or what varies.
+    Study,
     /// A scene of bodies of one's own ([`crate::solve`]): it names a mesh and no trial.
     OwnScene,
 }
@@ -88,6 +90,8 @@ impl TomlKind {
         let has = |name: &str| top.iter().any(|key| key == name);
         if has("axis") {
             TomlKind::Ladder
+        } else if ["samples", "setting", "vary"].into_iter().any(has) {
+            TomlKind::Study
         } else if has("mesh") && !has("trial") {
             TomlKind::OwnScene
         } else if likeness(text, trial_file::KEYS) > likeness(text, KEYS) {
@@ -109,12 +113,14 @@ pub fn wanted(kind: TomlKind, file: &Path, text: &str) -> Result<(), InputError>
         TomlKind::Trial => "a trial file",
         TomlKind::OwnScene => "a scene of `solve`",
         TomlKind::Ladder => "a ladder",
+        TomlKind::Study => "a study",
     };
     let remedy = match found {
         TomlKind::Scene => "run `sartorius compare`, `step` or `plan` with it",
         TomlKind::Trial => "run `sartorius optimize` with it, or write a scene with `trial = \"FILE\"`",
         TomlKind::OwnScene => "run `sartorius solve` with it",
         TomlKind::Ladder => "run `sartorius cost` with it",
+        TomlKind::Study => "run `sartorius study` with it",
     };
     let problem = format!("this is {}, not {}", name(found), name(kind));
     Err(InputError::Malformed { file: file.to_path_buf(), at: Place::Whole, problem, remedy: remedy.into() })

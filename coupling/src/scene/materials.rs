@@ -228,7 +228,9 @@ fn joined(own: &Constants, all: &Constants) -> Constants {
 
 /// A, B and Poisson's ratio of the matrix where nothing is given.
 fn natural_matrix() -> (f64, f64, f64) {
-    let LawSpec::MooneyRivlinDyna { a, b, nu } = MATRIX else { unreachable!("the matrix of the study") };
+    let LawSpec::MooneyRivlinDyna { a, b, nu } = MATRIX else {
+        unreachable!("the matrix of the publication")
+    };
     (a, b, nu)
 }
 

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 use fem::scene::ContactMode;
 use multibody::InputError;
-use multibody::error::{Mistakes, Place, nearest};
-use multibody::keys::{examine, line_of};
+use multibody::error::{Mistakes, Place, unknown};
+use multibody::keys::examine;
 use multibody::shipped::{self, Kind};
 use serde::Deserialize;
 use toml::Spanned;
@@ -23,6 +23,7 @@ use toml::Spanned;
 pub use keys::{KEYS, TomlKind, wanted};
 
 use crate::configuration::PerConfiguration;
+use crate::source::Source;
 use crate::thigh::lines::lines_of_muscles;
 use materials::{Materials, MaterialsEntry};
 
@@ -331,27 +332,7 @@ fn source(given: &Path) -> Result<(PathBuf, String), InputError> {
     Ok((file, text))
 }
 
-/// The text that errors point into.
-struct Source<'a> {
-    file: &'a Path,
-    text: &'a str,
-}
-
 impl Source<'_> {
-    fn line(&self, byte: usize) -> usize {
-        line_of(self.text, byte)
-    }
-
-    fn bad(&self, line: usize, key: &str, value: impl ToString, remedy: impl ToString) -> InputError {
-        InputError::BadValue {
-            file: self.file.to_path_buf(),
-            line,
-            key: key.into(),
-            value: value.to_string(),
-            remedy: remedy.to_string(),
-        }
-    }
-
     /// A file or folder in one of `folders`, or a shipped file by its name.
     fn existing(
         &self,
@@ -440,8 +421,5 @@ pub fn known_muscle(name: &str) -> Result<(), String> {
     if known.contains_key(name) {
         return Ok(());
     }
-    let meant = nearest(name, known.keys().map(String::as_str));
-    let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
-    let names: Vec<&str> = known.keys().map(String::as_str).collect();
-    Err(format!("{meant}the muscles of the thigh are {}", names.join(", ")))
+    Err(unknown(name, "the muscles of the thigh are", known.keys().map(String::as_str)))
 }

@@ -18,11 +18,11 @@ pub use pose::{PoseNumbers, as_pose, numbers};
 pub use rigid::{RigidResult, RigidSession, RigidSide};
 pub use thigh::{MuscleResult, ThighResult, ThighSession, ThighSide};
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 
 /// Refuses numbers that are not as many as wanted, not finite, or outside of a range.
-fn examined(what: &str, values: &[f64], n: usize, range: [f64; 2]) -> Result<(), StudyError> {
-    let bad = |text: String| Err(StudyError::Option(text));
+fn examined(what: &str, values: &[f64], n: usize, range: [f64; 2]) -> Result<(), CouplingError> {
+    let bad = |text: String| Err(CouplingError::Option(text));
     if values.len() != n {
         return bad(format!("{what}: {} numbers, must be {n}", values.len()));
     }

@@ -12,14 +12,14 @@ use serde::{Deserialize, Serialize};
 
 use super::pose::{PoseNumbers, numbers};
 use super::{examined, state};
-use crate::error::StudyError;
+use crate::comparison::Sized;
+use crate::error::CouplingError;
 use crate::fibres::cache::text_hash;
 use crate::fibres::muscle_unit::MuscleUnit;
 use crate::fibres::{WrittenCalibration, units_as_meshed};
 use crate::optimize::Optimized;
 use crate::scene::Fibres;
 use crate::steps::rigid_step_at;
-use crate::study::Sized;
 use crate::thigh::lines::lines_of_muscles;
 use crate::thigh::registration::{BODIES, Registration};
 use crate::two_way::capacity::{BoneTwists, MuscleCapacity, VirtualTwists};
@@ -80,10 +80,10 @@ pub struct RigidResult {
 
 impl RigidSide {
     /// The rigid leg of a scene. `calibration`: that of the thigh, from which contractions of thermal fibres follow.
-    pub fn new(sized: Sized, calibration: WrittenCalibration) -> Result<RigidSide, StudyError> {
+    pub fn new(sized: Sized, calibration: WrittenCalibration) -> Result<RigidSide, CouplingError> {
         let Sized { scene, done, registration, steps, limb, .. } = sized;
         if let Some(step) = scene.steps.iter().find(|s| s.knee_flexion.is_some()) {
-            return Err(StudyError::Option(format!(
+            return Err(CouplingError::Option(format!(
                 "the scene `{}` flexes the knee at {} otherwise than the trial, which no unit of the trial can tell; take out knee_flexion_deg",
                 scene.name,
                 step.name.name()
@@ -95,7 +95,7 @@ impl RigidSide {
             None => lines_of_muscles().into_keys().collect(),
         };
         if scene.deformable && scene.fibres == Fibres::Thermal && calibration.thermal.len() != muscles.len() {
-            return Err(StudyError::Option("thermal fibres need the calibration of their muscles".into()));
+            return Err(CouplingError::Option("thermal fibres need the calibration of their muscles".into()));
         }
         let of_muscle = lines_of_muscles();
         let number =
@@ -104,7 +104,7 @@ impl RigidSide {
         let as_str: Vec<&str> = muscles.iter().map(String::as_str).collect();
         let units = units_as_meshed(&as_str, &done.model, &registration, &steps, scene.stress_free);
         let key =
-            text_hash(&format!("rigid{}{:?}{muscles:?}", scene.text, done.effort.forces.values.as_slice()));
+            text_hash(format!("rigid{}{:?}{muscles:?}", scene.text, done.effort.forces.values.as_slice()));
         let frames = (0..done.effort.time.len()).map(|_| OnceLock::new()).collect();
         let fibres = if scene.deformable { scene.fibres } else { Fibres::None };
         Ok(RigidSide { done, registration, fibres, muscles, lines, units, calibration, frames, key })
@@ -146,23 +146,23 @@ impl RigidSide {
     }
 
     /// The frame nearest to a time \[s\]; none outside of the trial by more than half the distance of its frames.
-    fn row(&self, time: f64) -> Result<usize, StudyError> {
+    fn row(&self, time: f64) -> Result<usize, CouplingError> {
         let times = self.times();
         let far = |k: &usize| (times[*k] - time).abs();
         let nearest = (0..times.len()).min_by(|a, b| far(a).total_cmp(&far(b))).expect("a trial has frames");
         let (first, last) = (times[0], times[times.len() - 1]);
         let half = 0.5 * (last - first) / (times.len().max(2) - 1) as f64;
         if !(time >= first - half && time <= last + half) {
-            return Err(StudyError::Option(format!(
+            return Err(CouplingError::Option(format!(
                 "the trial has no frame at {time} s, only from {first} to {last} s"
             )));
         }
         Ok(nearest)
     }
 
-    fn frame(&self, row: usize) -> Result<&FrameOfTrial, StudyError> {
+    fn frame(&self, row: usize) -> Result<&FrameOfTrial, CouplingError> {
         let found = self.frames[row].get_or_init(|| self.frame_of(row));
-        found.as_ref().map_err(|why| StudyError::NotConverged(why.clone()))
+        found.as_ref().map_err(|why| CouplingError::NotConverged(why.clone()))
     }
 
     fn frame_of(&self, row: usize) -> Result<FrameOfTrial, String> {
@@ -227,17 +227,17 @@ impl RigidSide {
         row: usize,
         capacities: &[MuscleCapacity],
         solver: &mut SharingSolver,
-    ) -> Result<RigidResult, StudyError> {
+    ) -> Result<RigidResult, CouplingError> {
         let frame = self.frame(row)?;
         let mut result = frame.result.clone();
         let problem =
             sharing_problem(&self.done.model, &self.done.loads, row, &self.units, &self.lines, capacities);
         let problem =
-            problem.ok_or_else(|| StudyError::NotConverged(format!("no loads at {} s", result.time)))?;
+            problem.ok_or_else(|| CouplingError::NotConverged(format!("no loads at {} s", result.time)))?;
         let solved = solver.solve(&problem)?;
         if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
             let why = solved.verdict.reason.unwrap_or_default();
-            return Err(StudyError::NotConverged(format!("no muscle forces at {} s: {why}", result.time)));
+            return Err(CouplingError::NotConverged(format!("no muscle forces at {} s: {why}", result.time)));
         }
         let f: DVector<f64> = solved.f;
         result.is_feasible = solved.verdict.status == Status::Solved;
@@ -297,7 +297,7 @@ impl RigidSession {
     }
 
     /// What the muscles of the thigh can do from the next time on; `None`: what the rigid leg has of them.
-    pub fn set_capacities(&mut self, capacities: Option<&[MuscleCapacity]>) -> Result<(), StudyError> {
+    pub fn set_capacities(&mut self, capacities: Option<&[MuscleCapacity]>) -> Result<(), CouplingError> {
         if let Some(capacities) = capacities {
             let n = self.side.muscles.len();
             let of = |what: fn(&MuscleCapacity) -> f64| capacities.iter().map(what).collect::<Vec<f64>>();
@@ -319,7 +319,7 @@ impl RigidSession {
     }
 
     /// Goes to the frame nearest to a time \[s\] and shares its forces; stays where it is where there are none.
-    pub fn go_to(&mut self, time: f64) -> Result<(), StudyError> {
+    pub fn go_to(&mut self, time: f64) -> Result<(), CouplingError> {
         examined("time [s]", &[time], 1, [f64::NEG_INFINITY, f64::INFINITY])?;
         let row = self.side.row(time)?;
         let side = self.side.clone();
@@ -333,7 +333,7 @@ impl RigidSession {
     }
 
     /// What the rigid leg says of the present state.
-    pub fn result(&mut self) -> Result<&RigidResult, StudyError> {
+    pub fn result(&mut self) -> Result<&RigidResult, CouplingError> {
         if let (Some(capacities), None) = (&self.state.shared_with, &self.shared) {
             self.shared = Some(self.side.shared(self.state.row, capacities, &mut self.solver)?);
         }
@@ -349,13 +349,13 @@ impl RigidSession {
     }
 
     /// Takes over a state that a session of the same leg saved; refuses any other, and then stays as it is.
-    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StudyError> {
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), CouplingError> {
         let state: State = state::of_bytes(&self.side.key, "rigid leg", bytes)?;
         let n = self.side.muscles.len();
         let fits = |c: &Option<Vec<MuscleCapacity>>| c.as_ref().is_none_or(|c| c.len() == n);
         if state.row >= self.side.times().len() || !fits(&state.capacities) || !fits(&state.shared_with) {
             let text = "this is no state of this rigid leg: it is damaged or incomplete";
-            return Err(StudyError::Option(text.into()));
+            return Err(CouplingError::Option(text.into()));
         }
         (self.state, self.shared) = (state, None);
         Ok(())

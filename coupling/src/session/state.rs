@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 
 /// First bytes of every state; the last is the version of what follows.
 const MARK: &[u8; 12] = b"sartorius\0s1";
@@ -16,8 +16,8 @@ pub(super) fn to_bytes<T: Serialize>(key: &str, state: &T) -> Vec<u8> {
 }
 
 /// The state; refuses bytes that are none, or of another side.
-pub(super) fn of_bytes<T: DeserializeOwned>(key: &str, side: &str, bytes: &[u8]) -> Result<T, StudyError> {
-    let bad = |why: &str| StudyError::Option(format!("this is no state of this {side}: {why}"));
+pub(super) fn of_bytes<T: DeserializeOwned>(key: &str, side: &str, bytes: &[u8]) -> Result<T, CouplingError> {
+    let bad = |why: &str| CouplingError::Option(format!("this is no state of this {side}: {why}"));
     let rest = bytes.strip_prefix(MARK).ok_or_else(|| bad("it does not begin as one"))?;
     let (found, rest): (String, &[u8]) =
         postcard::take_from_bytes(rest).map_err(|_| bad("it is damaged or incomplete"))?;

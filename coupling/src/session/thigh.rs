@@ -1,7 +1,7 @@
 //! The deformable thigh by itself.
 
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use fem::measure::body_wrenches;
 use fem::plan::{Load, Plan};
@@ -12,17 +12,17 @@ use serde::{Deserialize, Serialize};
 
 use super::pose::{PoseNumbers, as_pose, numbers};
 use super::{examined, state};
+use crate::comparison::compare::{MuscleForce, has_passive_way, load, moves, muscle_force};
+use crate::comparison::{Prepared, settings_of};
 use crate::configuration::{Configuration, PerConfiguration};
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::fibres::cache::lasting_hash;
 use crate::fibres::muscle_unit::MOST_ACTIVE;
 use crate::fibres::{Calibration, DrivenFibres, WrittenCalibration, written_fibres};
 use crate::scene::Fibres;
-use crate::study::compare::{MuscleForce, has_passive_way, load, moves, muscle_force};
-use crate::study::{Prepared, settings_of};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::BODIES;
-use crate::two_way::capacity::{BoneTwists, MOVED, VirtualTwists, actions, as_units, sewn};
+use crate::two_way::capacity::{BoneTwists, MOVED, VirtualTwists, actions, as_units};
 use crate::two_way::{KNEE, seen_capacity};
 
 /// A thigh that can be driven: all that never changes.
@@ -35,9 +35,6 @@ pub struct ThighSide {
     /// Muscles that are sewn together.
     units: Vec<Vec<usize>>,
     key: String,
-    /// Held by the session that computes. Contact keeps what is near under a lock of the plan while it works in parallel; a second session of
-    /// the same plan, taken up by a waiting worker, would wait for that lock for ever. One at a time has all cores anyway.
-    busy: Mutex<()>,
 }
 
 /// What is given.
@@ -99,13 +96,16 @@ impl ThighSide {
         configuration: Configuration,
         calibration: Option<WrittenCalibration>,
         folder: &Path,
-    ) -> Result<ThighSide, StudyError> {
+    ) -> Result<ThighSide, CouplingError> {
         let scene = &prepared.scene;
         if prepared.made.is_none() {
-            return Err(StudyError::Option(format!("the scene `{}` has no muscles that deform", scene.name)));
+            return Err(CouplingError::Option(format!(
+                "the scene `{}` has no muscles that deform",
+                scene.name
+            )));
         }
         if configuration == Configuration::WithContact && scene.contact.is_none() {
-            return Err(StudyError::Option(format!("the scene `{}` has no contact", scene.name)));
+            return Err(CouplingError::Option(format!("the scene `{}` has no contact", scene.name)));
         }
         let (thigh, calibration) = match calibration {
             Some(written) => {
@@ -122,7 +122,7 @@ impl ThighSide {
                 );
                 let why = "the calibration that was written down is not one of these muscles";
                 let DrivenFibres { thigh, calibration, .. } =
-                    fibres.ok_or_else(|| StudyError::Option(why.into()))??;
+                    fibres.ok_or_else(|| CouplingError::Option(why.into()))??;
                 (thigh, calibration)
             }
             None => {
@@ -131,16 +131,10 @@ impl ThighSide {
             }
         };
         let plan = prepared.plan(&thigh, configuration)?;
-        let units = match configuration {
-            Configuration::WithoutContact => sewn(&plan, &thigh),
-            // In contact all are in one island.
-            Configuration::WithContact => {
-                sewn(&prepared.plan(&thigh, Configuration::WithoutContact)?, &thigh)
-            }
-        };
+        let units = prepared.sewn(&thigh, &plan, configuration)?;
         let settings = settings_of(scene, configuration);
         let key = lasting_hash(&plan.mesh, &format!("{:?}{settings:?}", thigh.scene));
-        Ok(ThighSide { prepared, thigh, calibration, plan, settings, units, key, busy: Mutex::new(()) })
+        Ok(ThighSide { prepared, thigh, calibration, plan, settings, units, key })
     }
 
     /// What was found when the fibres were calibrated.
@@ -177,12 +171,6 @@ impl ThighSide {
             Fibres::Thermal => [0.0, 1.0_f64.next_down()],
             Fibres::None => [0.0, 0.0],
         }
-    }
-
-    /// Waits until no other session computes.
-    fn alone(&self) -> MutexGuard<'_, ()> {
-        // It guards no data that a panic could leave half done.
-        self.busy.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Says which thigh a state is of.
@@ -231,16 +219,16 @@ impl ThighSession {
     }
 
     /// Sets the time of the state \[s\]; an equilibrium does not hang on it.
-    pub fn set_time(&mut self, time: f64) -> Result<(), StudyError> {
+    pub fn set_time(&mut self, time: f64) -> Result<(), CouplingError> {
         examined("time [s]", &[time], 1, [f64::NEG_INFINITY, f64::INFINITY])?;
         self.state.time = time;
         Ok(())
     }
 
     /// Poses of all bones from the next solution on.
-    pub fn set_poses(&mut self, poses: &[PoseNumbers]) -> Result<(), StudyError> {
+    pub fn set_poses(&mut self, poses: &[PoseNumbers]) -> Result<(), CouplingError> {
         let poses: [PoseNumbers; BODIES.len()] = poses.try_into().map_err(|_| {
-            StudyError::Option(format!(
+            CouplingError::Option(format!(
                 "poses of {} bones, must be {} ({})",
                 poses.len(),
                 BODIES.len(),
@@ -253,14 +241,14 @@ impl ThighSession {
             .filter_map(|(body, pose)| as_pose(pose).err().map(|why| format!("pose of {body}: {why}")))
             .collect();
         if !wrong.is_empty() {
-            return Err(StudyError::Option(wrong.join("; ")));
+            return Err(CouplingError::Option(wrong.join("; ")));
         }
         self.state.inputs.poses = poses;
         Ok(())
     }
 
     /// Activations of all muscles from the next solution on ([`ThighSide::activation_range`]).
-    pub fn set_activations(&mut self, activations: &[f64]) -> Result<(), StudyError> {
+    pub fn set_activations(&mut self, activations: &[f64]) -> Result<(), CouplingError> {
         let n = self.side.thigh.muscles.len();
         examined("activations", activations, n, self.side.activation_range())?;
         self.state.inputs.activations = activations.to_vec();
@@ -268,7 +256,7 @@ impl ThighSession {
     }
 
     /// How the bones move with the joint coordinates; moments and lever arms are nothing until this is known.
-    pub fn set_twists(&mut self, twists: &BoneTwists) -> Result<(), StudyError> {
+    pub fn set_twists(&mut self, twists: &BoneTwists) -> Result<(), CouplingError> {
         let all = twists.as_flattened().as_flattened();
         examined("twists of the bones", all, all.len(), [f64::NEG_INFINITY, f64::INFINITY])?;
         self.state.inputs.twists = *twists;
@@ -277,7 +265,7 @@ impl ThighSession {
     }
 
     /// Lever arms at the knee that the rigid leg has of the muscles \[m\]: by them the moment of heads that are sewn together is shared out.
-    pub fn set_rigid_knee_arms(&mut self, arms: &[f64]) -> Result<(), StudyError> {
+    pub fn set_rigid_knee_arms(&mut self, arms: &[f64]) -> Result<(), CouplingError> {
         let n = self.side.thigh.muscles.len();
         examined("lever arms at the knee [m]", arms, n, [f64::NEG_INFINITY, f64::INFINITY])?;
         self.state.inputs.knee_arms = arms.to_vec();
@@ -287,13 +275,12 @@ impl ThighSession {
 
     /// Goes to the equilibrium under the poses and activations that were set. Where there is none the session stays where it is, and the
     /// error says why.
-    pub fn solve(&mut self) -> Result<(), StudyError> {
+    pub fn solve(&mut self) -> Result<(), CouplingError> {
         let side = self.side.clone();
-        let _alone = side.alone();
         let (scene, steps) = (&side.prepared.scene, &side.prepared.steps);
         let poses = self.state.inputs.poses.map(|p| as_pose(&p).expect("poses were examined"));
         let moved = moves(steps, scene.stress_free, &poses);
-        let wrong = |e: fem::plan::SceneError| StudyError::Option(e.to_string());
+        let wrong = |e: fem::plan::SceneError| CouplingError::Option(e.to_string());
         let to = load(&side.plan, &side.thigh, &self.state.inputs.activations, moved).map_err(wrong)?;
         let mut from = (self.state.solved > 0).then(|| self.frame());
         let mut solved = self.state.solved;
@@ -332,15 +319,14 @@ impl ThighSession {
 
     /// Wrench of the tissue on each bone by its own twist, all other bones held and all muscles in equilibrium: rows force \[N\] and moment
     /// about the hip centre of the mesh \[N·m\], columns translation \[m\] and rotation about the hip centre \[rad\].
-    pub fn stiffness(&self) -> Result<[[[f64; 6]; 6]; BODIES.len()], StudyError> {
-        let _alone = self.side.alone();
+    pub fn stiffness(&self) -> Result<[[[f64; 6]; 6]; BODIES.len()], CouplingError> {
         let frame = self.frame();
         let hip = self.side.prepared.registration.frames().hip;
         let mut all = [[[0.0; 6]; 6]; BODIES.len()];
         for (body, all) in BODIES.iter().zip(&mut all) {
             let Some(number) = self.side.plan.bodies.iter().position(|b| b == body) else { continue };
             *all = fem::measure::condensed_stiffness(&self.side.plan, frame.snapshot(), number, hip.into())
-                .map_err(|why| StudyError::NotConverged(format!("stiffness of {body}: {why}")))?;
+                .map_err(|why| CouplingError::NotConverged(format!("stiffness of {body}: {why}")))?;
         }
         Ok(all)
     }
@@ -351,7 +337,7 @@ impl ThighSession {
     }
 
     /// Takes over a state that a session of the same thigh saved; refuses any other, and then stays as it is.
-    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StudyError> {
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), CouplingError> {
         let state: State = state::of_bytes(&self.side.key, "thigh", bytes)?;
         let side = &self.side;
         let n = side.thigh.muscles.len();
@@ -365,7 +351,7 @@ impl ThighSession {
         let poses = || state.poses.iter().chain(&state.inputs.poses).all(|p| as_pose(p).is_ok());
         let finite = || state.x.iter().chain(&state.controls).all(|v| v.is_finite());
         if counts.iter().any(|(found, wanted)| found != wanted) || !poses() || !finite() {
-            return Err(StudyError::Option(
+            return Err(CouplingError::Option(
                 "this is no state of this thigh: it is damaged or incomplete".into(),
             ));
         }
@@ -386,7 +372,6 @@ impl ThighSession {
     }
 
     fn measure(&self) -> ThighResult {
-        let _alone = self.side.alone();
         let (side, frame, inputs) = (&self.side, self.frame(), &self.state.inputs);
         let hip = side.prepared.registration.frames().hip;
         let twists = VirtualTwists::given(&inputs.twists, hip);
@@ -432,18 +417,23 @@ impl ThighSession {
 }
 
 /// The equilibrium under a load, from the mesh or from an equilibrium, the `solved`-th, by solvers of its own.
-fn advanced(side: &ThighSide, from: Option<&Frame>, solved: usize, load: Load) -> Result<Frame, StudyError> {
+fn advanced(
+    side: &ThighSide,
+    from: Option<&Frame>,
+    solved: usize,
+    load: Load,
+) -> Result<Frame, CouplingError> {
     let session = match from {
         None => Session::new(&side.plan, &side.settings, None),
         Some(frame) => Session::from_frame(&side.plan, &side.settings, frame, solved - 1),
     };
-    let mut session = session.map_err(|e| StudyError::NotConverged(e.to_string()))?;
+    let mut session = session.map_err(|e| CouplingError::NotConverged(e.to_string()))?;
     let Advanced { frame, errors, .. } = session.advance(&DriveFrame { time: (solved + 1) as f64, load });
     match errors.is_empty() {
         true => Ok(frame),
         false => {
             let all: Vec<String> = errors.iter().map(ToString::to_string).collect();
-            Err(StudyError::NotConverged(all.join("; ")))
+            Err(CouplingError::NotConverged(all.join("; ")))
         }
     }
 }

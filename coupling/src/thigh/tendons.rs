@@ -34,10 +34,10 @@ const SEAM_SHEAR: f64 = END_STIFFNESS * SHELL_SHEAR;
 const LIGAMENT: &str = "patellar_ligament";
 const LIGAMENT_FROM: &str = "patella";
 /// Stiffness \[N/m\] of all its strands (Orozco 2018), and the fractions of the medial, central and lateral ones: 201, 278 and 173 N/mm in
-/// the study with seven strands.
+/// the publication with seven strands.
 const LIGAMENT_STIFFNESS: f64 = 545e3;
 const LIGAMENT_FRACTIONS: [f64; 3] = [201.0 / 652.0, 278.0 / 652.0, 173.0 / 652.0];
-/// Half the strain over which their tension sets in (same study).
+/// Half the strain over which their tension sets in (same publication).
 const LIGAMENT_TOE: f64 = 0.03;
 /// How far apart they run \[m\].
 const LIGAMENT_SPACING: f64 = 5e-3;

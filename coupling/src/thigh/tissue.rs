@@ -2,14 +2,14 @@
 
 use fem::scene::LawSpec;
 
-/// Muscle matrix of the study: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa, with a Poisson's
+/// Muscle matrix of the publication: Mooney-Rivlin in the LS-DYNA form, A = 3 kPa, B = 0.75 kPa, with a Poisson's
 /// ratio that is near-incompressible enough; sources of all constants: `docs/theory.md`, *The thigh*.
 pub const MATRIX: LawSpec = LawSpec::MooneyRivlinDyna { a: 3e3, b: 750.0, nu: 0.495 };
-/// Young's modulus of the fibres \[Pa\], of the same study.
+/// Young's modulus of the fibres \[Pa\], of the same publication.
 pub const FIBRE_YOUNG: f64 = 1e6;
 /// Strain over which the tension of a fibre sets in.
 pub(super) const FIBRE_TOE: f64 = 0.05;
-/// Thickness of the shell around a muscle \[m\]; the study does not state one.
+/// Thickness of the shell around a muscle \[m\]; the publication does not state one.
 pub const SHELL_THICKNESS: f64 = 0.5e-3;
 /// Shear modulus of the shells \[Pa\]: the constants of the matrix, 2 (A + B).
 pub const SHELL_SHEAR: f64 = 7.5e3;

@@ -24,13 +24,13 @@ use nalgebra::{DMatrix, DVector};
 
 pub use tables::{write_capacities, write_missing, write_passes};
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
 use crate::optimize::Optimized;
 use crate::steps::{RigidMuscle, RigidStep};
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::Registration;
-use crate::two_way::capacity::{MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units, sewn};
+use crate::two_way::capacity::{MOVED, MuscleAction, MuscleCapacity, VirtualTwists, actions, as_units};
 use crate::two_way::fixed_point::{FixedPoint, Scheme};
 
 /// Relative change of the capacity at which the passes end.
@@ -54,8 +54,10 @@ pub struct TwoWay<'a> {
     pub steps: &'a [RigidStep],
     /// The thigh with Hill fibres.
     pub thigh: &'a Thigh,
-    /// Without contact.
+    /// Without or with contact.
     pub plan: &'a Plan,
+    /// Muscles that are sewn together ([`sewn`](capacity::sewn)).
+    pub sewn: &'a [Vec<usize>],
     /// The drive of the one-way run.
     pub drive: &'a Drive,
     /// Units and fits of its muscles, and the scale of [`MuscleUnit::law`].
@@ -131,14 +133,14 @@ struct Shared {
 impl TwoWay<'_> {
     /// Passes from the one-way result (`first`: its frames at the steps) until the capacity stays the same, at most `most`. A pass that
     /// finds no equilibrium or no forces ends them: the last whole one stands, and a shortcoming says why.
-    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, StudyError> {
+    pub fn passes(&self, first: &[&Frame], scheme: Scheme, most: usize) -> Result<Coupling, CouplingError> {
         let twists: Vec<VirtualTwists> =
             self.steps.iter().map(|s| self.twists(s)).collect::<Result<_, _>>()?;
-        let (units, rigid) = (sewn(self.plan, self.thigh), self.nominal()?);
+        let rigid = self.nominal()?;
         let see = |frame: &Frame, k: usize| {
             let mut seen = actions(self.plan, self.thigh, frame.snapshot(), &twists[k]);
             let arm = |m: usize| self.capacity_in(&rigid, k, m).lever_arms[KNEE];
-            as_units(&mut seen, &units, KNEE, &arm);
+            as_units(&mut seen, self.sewn, KNEE, &arm);
             seen
         };
         let seen: Vec<Vec<MuscleAction>> = first.iter().enumerate().map(|(k, f)| see(f, k)).collect();
@@ -156,7 +158,7 @@ impl TwoWay<'_> {
         // From the result of the pass before, by solvers of their own: a pass hangs on that state alone.
         let mut at: Vec<Frame> = first.iter().map(|frame| (*frame).clone()).collect();
         while coupling.passes.len() < most {
-            let carried: Result<Vec<(Shared, Coupled)>, StudyError> = (self.steps.iter().enumerate())
+            let carried: Result<Vec<(Shared, Coupled)>, CouplingError> = (self.steps.iter().enumerate())
                 .map(|(k, step)| {
                     let sharing = self.share(step, &x, k)?;
                     let frame = self.frame(&sharing.f, &x, k)?;
@@ -208,14 +210,14 @@ impl TwoWay<'_> {
         Ok(coupling)
     }
 
-    fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, StudyError> {
+    fn twists(&self, step: &RigidStep) -> Result<VirtualTwists, CouplingError> {
         let Q = &self.done.motion.Q[self.done.motion.report.start + step.row];
         let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
         Ok(VirtualTwists::new(&self.done.model, self.registration, Q, &reduced.tangent))
     }
 
     /// Force sharing of the rigid leg at a step.
-    fn one_way(&self, step: &RigidStep) -> Result<Shared, StudyError> {
+    fn one_way(&self, step: &RigidStep) -> Result<Shared, CouplingError> {
         let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
         Ok(self.shared(self.done.effort.forces.values.row(step.row).transpose(), &reduced.lever_arms))
     }
@@ -299,7 +301,7 @@ impl TwoWay<'_> {
     }
 
     /// Capacity before anything is seen: lengths of the lines, and of their lever arms the mean, each with its strength.
-    fn nominal(&self) -> Result<DVector<f64>, StudyError> {
+    fn nominal(&self) -> Result<DVector<f64>, CouplingError> {
         let mut x = DVector::zeros(N * self.thigh.muscles.len() * self.steps.len());
         for (k, step) in self.steps.iter().enumerate() {
             let reduced = self.done.loads.reduced[step.row].as_ref().ok_or_else(|| no_loads(step))?;
@@ -314,7 +316,7 @@ impl TwoWay<'_> {
     }
 
     /// Force sharing at a step with a capacity.
-    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, StudyError> {
+    fn share(&self, step: &RigidStep, x: &DVector<f64>, k: usize) -> Result<Shared, CouplingError> {
         let model = &self.done.model;
         let capacities = self.capacities_in(x, k);
         let lines: Vec<Vec<usize>> = (0..self.thigh.muscles.len()).map(|m| self.lines(m)).collect();
@@ -324,7 +326,7 @@ impl TwoWay<'_> {
         let solved = solver.solve(&problem)?;
         if solved.verdict.status == Status::Failed || !solved.f.iter().all(|f| f.is_finite()) {
             let why = solved.verdict.reason.unwrap_or_default();
-            return Err(StudyError::NotConverged(format!(
+            return Err(CouplingError::NotConverged(format!(
                 "two-way coupling, {}: no muscle forces: {why}",
                 step.name.name()
             )));
@@ -340,7 +342,7 @@ impl TwoWay<'_> {
     }
 
     /// The load of the thigh at a step for tensions `f`.
-    fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, StudyError> {
+    fn frame(&self, f: &DVector<f64>, x: &DVector<f64>, k: usize) -> Result<DriveFrame, CouplingError> {
         let mut frame = self.at_step(k).clone();
         for (m, muscle) in self.thigh.muscles.iter().enumerate() {
             let tension: f64 = self.lines(m).iter().map(|&i| f[i]).sum();
@@ -363,7 +365,7 @@ impl TwoWay<'_> {
         change: Option<f64>,
         shared: &[Shared],
         seen: &[Vec<MuscleAction>],
-    ) -> Result<Pass, StudyError> {
+    ) -> Result<Pass, CouplingError> {
         let mut pass = Pass {
             change,
             changed_most: None,
@@ -467,16 +469,22 @@ pub fn nominal_capacity(
     }
 }
 
-fn no_loads(step: &RigidStep) -> StudyError {
-    StudyError::NotConverged(format!("no loads at {}", step.name.name()))
+fn no_loads(step: &RigidStep) -> CouplingError {
+    CouplingError::NotConverged(format!("no loads at {}", step.name.name()))
 }
 
-fn advance(plan: &Plan, settings: &Settings, from: &Frame, to: &DriveFrame) -> Result<Advanced, StudyError> {
+fn advance(
+    plan: &Plan,
+    settings: &Settings,
+    from: &Frame,
+    to: &DriveFrame,
+) -> Result<Advanced, CouplingError> {
     let session = Session::from_frame(plan, settings, from, 0);
-    let done =
-        session.map_err(|error| StudyError::NotConverged(format!("two-way coupling: {error}")))?.advance(to);
+    let done = session
+        .map_err(|error| CouplingError::NotConverged(format!("two-way coupling: {error}")))?
+        .advance(to);
     match done.errors.first() {
         None => Ok(done),
-        Some(error) => Err(StudyError::NotConverged(format!("two-way coupling: {error}"))),
+        Some(error) => Err(CouplingError::NotConverged(format!("two-way coupling: {error}"))),
     }
 }

@@ -77,21 +77,23 @@ pub struct ContactInput {
     pub muted: Vec<(u32, usize)>,
 }
 
-/// Contact of one island.
+/// Contact of one island. What it remembers spares work; no lock is held while it works, so that threads that share it never wait for
+/// each other.
 pub struct Contact {
     /// How surfaces are kept apart.
     pub mode: Mode,
     distance: f64,
     /// The collision surfaces.
-    pub surfaces: Surfaces,
-    partners: Partners,
+    pub surfaces: Arc<Surfaces>,
+    partners: Arc<Partners>,
     /// Activation distance of each collision point \[m\]: no greater than its distance at the start, so that the start is
     /// free of forces.
-    reach: Vec<f64>,
+    reach: Arc<[f64]>,
     /// The same of edges.
-    edge_reach: Vec<f64>,
+    edge_reach: Arc<[f64]>,
     largest_reach: f64,
-    cache: Mutex<Arc<Candidates>>,
+    /// What may be near each other.
+    candidates: Mutex<Arc<Candidates>>,
     /// The terms at the positions asked for last: energy, gradient and Hessian of one state are asked for one after the other.
     last: Mutex<Arc<Terms>>,
     /// What the last search for near points has found.
@@ -151,12 +153,12 @@ impl Contact {
         let mut contact = Contact {
             mode: input.mode,
             distance: input.distance,
-            reach: vec![input.distance; surfaces.points.len()],
-            edge_reach: vec![EDGE_REACH * input.distance; surfaces.edges.len()],
+            reach: vec![input.distance; surfaces.points.len()].into(),
+            edge_reach: vec![EDGE_REACH * input.distance; surfaces.edges.len()].into(),
             largest_reach: input.distance,
-            surfaces,
-            partners,
-            cache: Mutex::default(),
+            surfaces: Arc::new(surfaces),
+            partners: Arc::new(partners),
+            candidates: Mutex::default(),
             last: Mutex::default(),
             memory: Mutex::default(),
         };
@@ -166,22 +168,40 @@ impl Contact {
         contact
     }
 
+    /// The same contact that remembers nothing: for a solution of its own, which no other one may influence.
+    pub fn anew(&self) -> Contact {
+        Contact {
+            mode: self.mode,
+            distance: self.distance,
+            surfaces: self.surfaces.clone(),
+            partners: self.partners.clone(),
+            reach: self.reach.clone(),
+            edge_reach: self.edge_reach.clone(),
+            largest_reach: self.largest_reach,
+            candidates: Mutex::default(),
+            last: Mutex::default(),
+            memory: Mutex::default(),
+        }
+    }
+
     /// Lowers the activation distances to the distances at the start.
     fn fit_reach(&mut self, X: &[f64]) {
         let p = self.surfaces.positions(X);
-        let near = self.candidates(Primitives::Edges, &p);
+        let near = self.candidates_at(Primitives::Edges, &p);
+        let (mut reach, mut edge_reach) = (self.reach.to_vec(), self.edge_reach.to_vec());
         for &[s, t] in &near.point_triangle {
             let d = point_triangle(&self.triangle_points(s, t, &p)).squared().sqrt();
-            let reach = &mut self.reach[s as usize];
+            let reach = &mut reach[s as usize];
             *reach = reach.min(d);
         }
         for &[e, f] in &near.edge_edge {
             let d = edge_edge(&self.edge_points(e, f, &p)).squared().sqrt();
             for edge in [e, f] {
-                let reach = &mut self.edge_reach[edge as usize];
+                let reach = &mut edge_reach[edge as usize];
                 *reach = reach.min(d);
             }
         }
+        (self.reach, self.edge_reach) = (reach.into(), edge_reach.into());
     }
 
     fn triangle_points(&self, s: u32, t: u32, p: &[Vector3<f64>]) -> Points {
@@ -195,7 +215,7 @@ impl Contact {
     }
 
     /// Pairs of `primitives` that can be within reach of each other with the points at `p`.
-    fn candidates(&self, primitives: Primitives, p: &[Vector3<f64>]) -> Arc<Candidates> {
+    fn candidates_at(&self, primitives: Primitives, p: &[Vector3<f64>]) -> Arc<Candidates> {
         self.candidates_between(primitives, p, p)
     }
 
@@ -205,13 +225,16 @@ impl Contact {
         from: &[Vector3<f64>],
         to: &[Vector3<f64>],
     ) -> Arc<Candidates> {
-        let mut cache = self.cache.lock().expect("no thread panics while it holds the list");
-        if !(cache.covers(primitives, from) && cache.covers(primitives, to)) {
-            let (all, reach) = (&self.surfaces, self.largest_reach);
-            let list = Candidates::new(all, &self.partners, primitives, from, to, SLACK * reach, reach);
-            *cache = Arc::new(list);
+        let held = || self.candidates.lock().expect("no thread panics while it holds the list");
+        let list = held().clone();
+        if list.covers(primitives, from) && list.covers(primitives, to) {
+            return list;
         }
-        cache.clone()
+        let (all, reach) = (&self.surfaces, self.largest_reach);
+        let list = Candidates::new(all, &self.partners, primitives, from, to, SLACK * reach, reach);
+        let list = Arc::new(list);
+        *held() = list.clone();
+        list
     }
 
     /// Terms of the potential at positions `x` \[m\] of the local nodes.
@@ -234,7 +257,7 @@ impl Contact {
 
     /// Barriers of the guarded mode with the collision points at `p`.
     fn barriers(&self, p: &[Vector3<f64>]) -> Vec<Stencil> {
-        let near = self.candidates(Primitives::Edges, p);
+        let near = self.candidates_at(Primitives::Edges, p);
         let samples = self.sample_barriers(&near.point_triangle, p);
         let edges = near
             .edge_edge

@@ -21,6 +21,7 @@ use crate::geometry::closest::{feature, point_triangle};
 use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::sync::MutexGuard;
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
@@ -80,7 +81,11 @@ impl Contact {
 
     /// Forgets what earlier searches have found.
     pub(super) fn forget_near(&self) {
-        *self.memory.lock().expect("no thread panics while it holds the memory") = Memory::default();
+        *self.held() = Memory::default();
+    }
+
+    fn held(&self) -> MutexGuard<'_, Memory> {
+        self.memory.lock().expect("no thread panics while it holds the memory")
     }
 
     /// How deep overlaps are measured \[m\]: who is deeper has its surface crossed elsewhere, or is inside altogether, as its
@@ -99,9 +104,24 @@ impl Contact {
         view: f64,
         aside: f64,
     ) -> Vec<Near> {
+        let mut memory = std::mem::take(&mut *self.held());
+        let found = self.found(p, primitives, least, view, aside, &mut memory);
+        *self.held() = memory;
+        found
+    }
+
+    /// The same, with what `memory` holds, where what was found is kept.
+    fn found(
+        &self,
+        p: &[Vector3<f64>],
+        primitives: Primitives,
+        least: &(dyn Fn(usize, usize) -> f64 + Sync),
+        view: f64,
+        aside: f64,
+        memory: &mut Memory,
+    ) -> Vec<Near> {
         let all = &self.surfaces;
         let every = primitives > Primitives::Corners;
-        let mut memory = self.memory.lock().expect("no thread panics while it holds the memory");
         if memory.range != [view, aside] {
             *memory = Memory { range: [view, aside], p: p.to_vec(), ..Memory::default() };
             memory.corners.resize_with(p.len(), Vec::new);
@@ -122,7 +142,7 @@ impl Contact {
             Search { contact: self, p, view, aside, moved, ways, normals: self.normals(p), fitted, boxes };
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
-        let Memory { corners, others, .. } = &mut *memory;
+        let Memory { corners, others, .. } = memory;
         let of_corners = each(corners, |point, seen| match all.is_corner(point as u32) {
             true => search.from(point, least, farther, &[], seen),
             false => Vec::new(),
@@ -298,5 +318,57 @@ impl Search<'_> {
             }
         }
         Some(near)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::contact::ContactInput;
+    use crate::contact::surface::SurfaceInput;
+
+    /// A thread that waits for others in a search may take up another search of the same contact: here one is in the middle of the other.
+    #[test]
+    fn a_search_within_a_search_does_not_wait_for_it() {
+        const LEAST: f64 = 2e-3;
+        const FACES: [[u32; 4]; 6] =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        // Two cubes of 10 mm, 1 mm apart.
+        let cube = |z: f64| {
+            let corner = move |i: u32| [f64::from(i & 1), f64::from(i >> 1 & 1), z + f64::from(i >> 2)];
+            (0..8).flat_map(corner).map(|c| 0.01 * c)
+        };
+        let x: Vec<f64> = cube(0.0).chain(cube(1.1)).collect();
+        let surface = |k: u32| SurfaceInput {
+            name: format!("cube {k}"),
+            faces: FACES.map(|face| face.map(|node| node + 8 * k)).to_vec(),
+            stiffness: vec![1e4; FACES.len()],
+            spacing: 2e-3,
+        };
+        let input = ContactInput {
+            surfaces: vec![surface(0), surface(1)],
+            pairs: vec![[0, 1]],
+            distance: 1e-3,
+            carrier: vec![None; 16],
+            ..ContactInput::default()
+        };
+        let contact = Contact::new(&input, &x);
+        let p = contact.surfaces.positions(&x);
+        let alone = contact.near(&p, LEAST).len();
+        assert!(alone > 8, "{alone} points");
+        let (done, told) = channel();
+        std::thread::spawn(move || {
+            let least = |_: usize, _: usize| {
+                assert_eq!(contact.near(&p, LEAST).len(), alone);
+                LEAST
+            };
+            let view = LEAST + contact.view();
+            let found = contact.near_within(&p, Primitives::Samples, &least, view, 0.0).len();
+            done.send(found).expect("somebody waits for it");
+        });
+        assert_eq!(told.recv_timeout(Duration::from_secs(60)), Ok(alone));
     }
 }

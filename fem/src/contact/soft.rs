@@ -61,7 +61,7 @@ impl Contact {
         let mut entered: Vec<(u32, usize)> =
             inside.iter().map(|n| (n.point, of_triangle(n.triangle))).collect();
         entered.sort_unstable();
-        let candidates = self.candidates(primitives, p);
+        let candidates = self.candidates_at(primitives, p);
         let is_outside = |&&[s, t]: &&[u32; 2]| {
             areas[s as usize] > 0.0 && entered.binary_search(&(s, of_triangle(t))).is_err()
         };

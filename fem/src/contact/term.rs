@@ -2,13 +2,12 @@
 
 use super::Contact;
 use crate::effect::IslandTerm;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 /// Contact, softened or not; what it takes is counted.
 pub struct ContactTerm {
-    contact: Arc<Contact>,
+    contact: Contact,
     /// Fraction of the activation distance below which it is softened; 0: nowhere.
     softness: f64,
     /// Time spent in it \[ns\].
@@ -16,9 +15,9 @@ pub struct ContactTerm {
 }
 
 impl ContactTerm {
-    /// Contact as it is.
-    pub fn new(contact: Arc<Contact>) -> ContactTerm {
-        ContactTerm { contact, softness: 0.0, spent: AtomicU64::new(0) }
+    /// Contact as it is, at the start of a solution.
+    pub fn new(contact: &Contact) -> ContactTerm {
+        ContactTerm { contact: contact.anew(), softness: 0.0, spent: AtomicU64::new(0) }
     }
 
     /// What `of` says of it; the time of that counts.

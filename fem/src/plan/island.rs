@@ -145,7 +145,7 @@ impl Island {
 
     /// What belongs to it as a whole, as at the start of a solution.
     pub fn terms(&self) -> Vec<Box<dyn IslandTerm>> {
-        let contact = self.contact.iter().cloned();
+        let contact = self.contact.iter();
         contact.map(|contact| Box::new(ContactTerm::new(contact)) as Box<dyn IslandTerm>).collect()
     }
 

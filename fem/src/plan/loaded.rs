@@ -295,12 +295,12 @@ impl LoadedIsland {
     fn predictor(&self) -> Option<&KinematicPredictor> {
         let island = &self.island;
         let acted_on = || island.effects.iter().flat_map(|e| e.nodes()).copied();
-        island
-            .predictor
-            .get_or_init(|| {
-                KinematicPredictor::new(&island.X, &island.motion, acted_on(), &island.free_nodes)
-            })
-            .as_ref()
+        if island.predictor.get().is_none() {
+            // Not while the others wait: it works in parallel, and one that waits could be what it waits for.
+            let found = KinematicPredictor::new(&island.X, &island.motion, acted_on(), &island.free_nodes);
+            let _ = island.predictor.set(found);
+        }
+        island.predictor.get().expect("it is there").as_ref()
     }
 
     fn load_at(&self, t: f64) -> Load {

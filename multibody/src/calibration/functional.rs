@@ -7,8 +7,10 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::clusters::{mean_cluster, mean_local, pose};
+use super::knee_centre::{Correction, Frame, KneeCentre, correct, in_shank};
 use super::markers::foot;
-use super::{CalibrationError, HipCentre, Path, Spines, apart, pelvis, relative};
+use super::shifts::Shifts;
+use super::{CalibrationError, HipCentre, Path, Spines, apart, into_local, pelvis, relative};
 use crate::anatomy::{Anatomy, Cluster, ShankAxes, ThighAxes};
 use crate::natural::{Pose, SegmentId};
 use crate::trial::{MarkerTrack, Sex};
@@ -44,13 +46,17 @@ pub struct Quality {
     pub ankle_rms: f64,
     /// Range of ankle angles \[rad\].
     pub ankle_range: f64,
+    /// How the knee centre was corrected for the motion of skin; `None` where it was not asked for, or there is no patella marker.
+    pub knee_centre: Option<Correction>,
 }
 
 /// Anatomy from the motion in all recordings together.
 pub fn anatomy(
     recordings: &[Recording],
     hip: HipCentre,
+    knee_centre: KneeCentre,
     sex: Sex,
+    shifts: &Shifts,
 ) -> Result<(Anatomy, Quality), CalibrationError> {
     use SegmentId::{Foot, Pelvis, Shank, Thigh};
     let tracks: Vec<&[MarkerTrack]> = recordings.iter().map(|r| r.tracks.as_slice()).collect();
@@ -69,11 +75,11 @@ pub fn anatomy(
             .collect();
         let n = means.len() as f64;
         (n > 0.0)
-            .then(|| means.iter().sum::<Vector3<f64>>() / n)
+            .then(|| means.iter().sum::<Vector3<f64>>() / n + shifts.of(landmark))
             .ok_or(CalibrationError::Landmark { landmark, segment: segment.name() })
     };
     let first = &recordings[0];
-    let pelvis_axes = pelvis(&clusters[Pelvis.index()], &first.tracks, &first.spines, hip, sex)?;
+    let pelvis_axes = pelvis(&clusters[Pelvis.index()], &first.tracks, &first.spines, hip, sex, shifts)?;
 
     let knee = Axis::fit(recordings, &clusters, Thigh, Shank, "knee")?;
     let ankle = Axis::fit(recordings, &clusters, Shank, Foot, "ankle")?;
@@ -100,11 +106,21 @@ pub fn anatomy(
         // Without a patella marker: the point nearest to the line from hip to ankle.
         Err(_) => nearest_to_leg_line(recordings, &clusters, &knee, &pelvis_axes.hip, &on_talocrural),
     };
-    let knee_in_thigh = knee.proximal_point + on_axis * knee.proximal;
-    let knee_in_shank = knee.distal_point + on_axis * knee.distal;
     // The model counts the shank to the midpoint of the malleoli; its talocrural axis lies farther down (`joints.csv`).
     let below = crate::tables::JointTable::built_in().point("ankle_universal", "joint point on shank");
     let stretch = 1.0 - below.y / crate::joint::GENERIC_SHANK;
+    let mut knee_in_thigh = knee.proximal_point + on_axis * knee.proximal;
+    let mut knee_in_shank = knee.distal_point + on_axis * knee.distal;
+    let mut correction = None;
+    if let KneeCentre::ByPatella(distance) = knee_centre {
+        let seen = knee_frames(recordings, &clusters);
+        let hip = mean_point(recordings, &clusters, &pelvis_axes.hip);
+        correction = correct(&seen, &hip, &knee_in_thigh, &knee.proximal, distance);
+        if let Some(correction) = &correction {
+            knee_in_thigh = correction.knee;
+            knee_in_shank = in_shank(&seen, &knee_in_thigh);
+        }
+    }
     let ankle_in_shank = knee_in_shank + (on_talocrural - knee_in_shank) / stretch;
     let carried: Vec<Vector3<f64>> = frames(recordings, &clusters, Foot, Shank)
         .map(|(foot, shank)| relative(&foot, &shank))
@@ -124,6 +140,7 @@ pub fn anatomy(
         knee_range: knee.range,
         ankle_rms: ankle.rms,
         ankle_range: ankle.range,
+        knee_centre: correction,
     };
     Ok((Anatomy { clusters, pelvis: pelvis_axes, thigh, shank, foot }, quality))
 }
@@ -202,6 +219,35 @@ fn frames<'a>(
             Some((pose(a)?, pose(b)?))
         })
     })
+}
+
+/// Shank and patella marker in the thigh, in every frame that shows both segments.
+fn knee_frames(recordings: &[Recording], clusters: &[Cluster; 5]) -> Vec<Frame> {
+    let mut seen = Vec::new();
+    for r in recordings {
+        let n = r.tracks.iter().map(|t| t.position.len()).min().unwrap_or(0);
+        for k in 0..n {
+            let pose = |s: SegmentId| pose(&clusters[s.index()], &r.tracks, s, k);
+            let (Some(thigh), Some(shank)) = (pose(SegmentId::Thigh), pose(SegmentId::Shank)) else {
+                continue;
+            };
+            let patella = r.patella.get(k).copied().flatten();
+            seen.push(Frame {
+                shank: relative(&thigh, &shank),
+                patella: patella.map(|p| into_local(&thigh, &p)),
+            });
+        }
+    }
+    seen
+}
+
+/// Mean over the frames of a point of the pelvis, seen in the thigh.
+fn mean_point(recordings: &[Recording], clusters: &[Cluster; 5], point: &Vector3<f64>) -> Vector3<f64> {
+    let points: Vec<Vector3<f64>> = frames(recordings, clusters, SegmentId::Pelvis, SegmentId::Thigh)
+        .map(|(pelvis, thigh)| relative(&thigh, &pelvis))
+        .map(|(R, t)| R * point + t)
+        .collect();
+    points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64
 }
 
 /// Largest turn between any pose and the first one, and so on from the farthest: the range of motion \[rad\].

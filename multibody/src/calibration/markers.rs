@@ -5,6 +5,7 @@
 use nalgebra::Vector3;
 
 use super::clusters::{mean_cluster, mean_local, pose};
+use super::shifts::Shifts;
 use super::{CalibrationError, HipCentre, Path, Spines, apart, pelvis};
 use crate::anatomy::{Anatomy, Cluster, FootAxes, ShankAxes, ThighAxes};
 use crate::natural::{Pose, SegmentId};
@@ -41,6 +42,7 @@ pub fn anatomy(
     landmarks: &LandmarkPaths,
     hip: HipCentre,
     sex: Sex,
+    shifts: &Shifts,
 ) -> Result<Anatomy, CalibrationError> {
     use SegmentId::{Foot, Pelvis, Shank, Thigh};
     let mut clusters: [Cluster; 5] = Default::default();
@@ -51,10 +53,11 @@ pub fn anatomy(
     let n = tracks.iter().map(|t| t.position.len()).min().unwrap_or(0);
     let local = |segment: SegmentId, path: &Path, landmark, frames: &[usize]| {
         mean_local(&clusters[segment.index()], tracks, segment, path, frames.iter().copied())
+            .map(|mean| mean + shifts.of(landmark))
             .ok_or(CalibrationError::Landmark { landmark, segment: segment.name() })
     };
     let all: Vec<usize> = (0..n).collect();
-    let pelvis_axes = pelvis(&clusters[Pelvis.index()], tracks, &landmarks.spines, hip, sex)?;
+    let pelvis_axes = pelvis(&clusters[Pelvis.index()], tracks, &landmarks.spines, hip, sex, shifts)?;
     let lateral = local(Thigh, &landmarks.lateral_epicondyle, "lateral_epicondyle", &all)?;
     let medial = local(Thigh, &landmarks.medial_epicondyle, "medial_epicondyle", &all)?;
     apart(("lateral_epicondyle", &lateral), ("medial_epicondyle", &medial), 0.03)?;

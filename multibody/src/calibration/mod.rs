@@ -4,7 +4,9 @@
 
 pub mod clusters;
 pub mod functional;
+pub mod knee_centre;
 pub mod markers;
+pub mod shifts;
 pub mod table;
 
 use nalgebra::{Matrix3, Vector3};
@@ -14,6 +16,7 @@ use crate::anatomy::{Anatomy, Cluster, PelvisAxes};
 use crate::natural::{Pose, SegmentId};
 use crate::trial::{MarkerTrack, Sex};
 use crate::trial_file::{self, HipRule, LandmarkSpec, Landmarks, Roles};
+use shifts::Shifts;
 
 /// Where the hip centre is taken from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,10 +85,12 @@ pub enum CalibrationError {
     },
 }
 
-/// Anatomy from the landmarks that a trial file asks for; with the quality of a functional calibration.
+/// Anatomy from the landmarks that a trial file asks for, each shifted as `shifts` says; with the quality of a functional calibration, which takes
+/// knee and ankle axes from motion and has no use for epicondyles and malleoli.
 pub fn calibrate(
     spec: &LandmarkSpec,
     sex: Sex,
+    shifts: &Shifts,
 ) -> Result<(Anatomy, Option<functional::Quality>), CalibrationError> {
     let rule = match spec.hip_centre {
         trial_file::HipCentre::By(HipRule::Table) => None,
@@ -102,7 +107,7 @@ pub fn calibrate(
         Spines::of(tracks, [&roles.right_asis, &roles.left_asis, &roles.right_psis, &roles.left_psis])
     };
     match &spec.source {
-        Landmarks::Table { items, recorded } => table::anatomy(items, recorded, rule, sex)
+        Landmarks::Table { items, recorded } => table::anatomy(items, recorded, rule, sex, shifts)
             .map(|anatomy| (anatomy, None))
             .map_err(|e| CalibrationError::Table(e.to_string())),
         Landmarks::Markers { roles, tracks } => {
@@ -116,7 +121,7 @@ pub fn calibrate(
                 metatarsal_1: path(tracks, &roles.metatarsal_1),
                 metatarsal_5: path(tracks, &roles.metatarsal_5),
             };
-            Ok((markers::anatomy(tracks, &landmarks, without_table, sex)?, None))
+            Ok((markers::anatomy(tracks, &landmarks, without_table, sex, shifts)?, None))
         }
         Landmarks::Functional { roles, motions, .. } => {
             let recordings: Vec<functional::Recording> = motions
@@ -130,7 +135,8 @@ pub fn calibrate(
                     metatarsal_5: path(tracks, &roles.metatarsal_5),
                 })
                 .collect();
-            let (anatomy, quality) = functional::anatomy(&recordings, without_table, sex)?;
+            let (anatomy, quality) =
+                functional::anatomy(&recordings, without_table, spec.knee_centre, sex, shifts)?;
             Ok((anatomy, Some(quality)))
         }
     }
@@ -169,13 +175,21 @@ pub(crate) fn pelvis(
     spines: &Spines,
     hip: HipCentre,
     sex: Sex,
+    shifts: &Shifts,
 ) -> Result<PelvisAxes, CalibrationError> {
-    let local = |path: &Path, landmark| {
+    let local = |path: &Path, landmark, name: &str| {
         clusters::mean_local(cluster, tracks, SegmentId::Pelvis, path, 0..path.len())
+            .map(|mean| mean + shifts.of(name))
             .ok_or(CalibrationError::Landmark { landmark, segment: "pelvis" })
     };
-    let asis = (local(&spines.asis_right, "asis_right")?, local(&spines.asis_left, "asis_left")?);
-    let psis = (local(&spines.psis_right, "psis_right")?, local(&spines.psis_left, "psis_left")?);
+    let asis = (
+        local(&spines.asis_right, "asis_right", "right_asis")?,
+        local(&spines.asis_left, "asis_left", "left_asis")?,
+    );
+    let psis = (
+        local(&spines.psis_right, "psis_right", "right_psis")?,
+        local(&spines.psis_left, "psis_left", "left_psis")?,
+    );
     apart(("asis_right", &asis.0), ("asis_left", &asis.1), 0.05)?;
     apart(
         ("the midpoint of the ASISs", &(0.5 * (asis.0 + asis.1))),
@@ -191,7 +205,7 @@ pub(crate) fn pelvis(
         u: R.column(0).into(),
         w: R.column(2).into(),
         lumbar: origin + R * lumbar,
-        hip: origin + R * hip,
+        hip: origin + R * hip + shifts.of("hip_centre"),
         width,
         origin,
     })

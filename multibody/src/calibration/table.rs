@@ -6,7 +6,9 @@ use std::collections::HashMap;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use super::{HipCentre, hip_centre};
+use super::clusters::pelvis_axes;
+use super::shifts::Shifts;
+use super::{CalibrationError, HipCentre, apart, hip_centre};
 use crate::anatomy::{Anatomy, Cluster, FootAxes, PelvisAxes, ShankAxes, ThighAxes};
 use crate::natural::SegmentId;
 use crate::trial::Sex;
@@ -32,6 +34,9 @@ pub enum TableError {
         /// Segment it belongs to.
         segment: String,
     },
+    /// Two landmarks that must be apart are not, as shifted.
+    #[error(transparent)]
+    TooClose(#[from] CalibrationError),
 }
 
 /// A row: local position of an item of a segment.
@@ -109,12 +114,13 @@ pub fn read(text: &str) -> Result<Vec<TableItem>, TableError> {
 /// Makes the anatomy from table items. `recorded`: recorded marker name of each table item that is a tracked marker.
 ///
 /// The shank's forward axis is normal to its long axis and to the knee axis that the shank carries at zero knee flexion
-/// (functional), which the knee model expects. `hip`: `None` takes the hip centre of the table.
+/// (functional), which the knee model expects. `hip`: `None` takes the hip centre of the table. `shifts` of landmarks are in the SCS.
 pub fn anatomy(
     items: &[TableItem],
     recorded: &HashMap<String, String>,
     hip: Option<HipCentre>,
     sex: Sex,
+    shifts: &Shifts,
 ) -> Result<Anatomy, TableError> {
     let find = |segment: SegmentId, names: &[&str]| {
         items
@@ -129,43 +135,71 @@ pub fn anatomy(
         let (names, points) = members.map(|i| (recorded[&i.item].clone(), i.position)).unzip();
         Cluster { names, points }
     });
-    let asis = (find(Pelvis, &["right ASIS"])?, find(Pelvis, &["left ASIS"])?);
+    let pair = |segment: SegmentId, [a, b]: [(&str, &'static str); 2], least: f64| {
+        let at = |(item, landmark): (&str, &str)| {
+            Ok::<_, TableError>(find(segment, &[item])? + shifts.of(landmark))
+        };
+        let places = (at(a)?, at(b)?);
+        if !shifts.is_empty() {
+            apart((a.1, &places.0), (b.1, &places.1), least)?;
+        }
+        Ok::<_, TableError>(places)
+    };
+    let asis = pair(Pelvis, [("right ASIS", "right_asis"), ("left ASIS", "left_asis")], 0.05)?;
+    let psis = || pair(Pelvis, [("right PSIS", "right_psis"), ("left PSIS", "left_psis")], 0.0);
     let origin = 0.5 * (asis.0 + asis.1);
     let width = (asis.0 - asis.1).norm();
+    // The SCS of the table stands on the spines; it turns where they are shifted.
+    let (pelvis_u, pelvis_w) = match shifts.is_empty() {
+        true => (Vector3::x(), Vector3::z()),
+        false => {
+            let psis = psis()?;
+            let (axes, _) = pelvis_axes(&asis.0, &asis.1, &psis.0, &psis.1);
+            (axes.column(0).into(), axes.column(2).into())
+        }
+    };
     let hip = match hip {
         None => find(Pelvis, &["hip centre"])?,
         Some(rule) => {
-            let psis = 0.5 * (find(Pelvis, &["right PSIS"])? + find(Pelvis, &["left PSIS"])?);
-            origin + hip_centre(rule, width, (psis - origin).norm(), sex)
+            let psis = psis()?;
+            origin + hip_centre(rule, width, (0.5 * (psis.0 + psis.1) - origin).norm(), sex)
         }
-    };
-    let knee_axis =
-        (find(Thigh, &["lateral epicondyle"])? - find(Thigh, &["medial epicondyle"])?).normalize();
-    let (shank_knee, ankle) = (Vector3::zeros(), find(Shank, &["ankle centre"])?);
-    let carried = (
-        find(Shank, &["lateral epicondyle carried by the shank at zero knee flexion"])?,
-        find(Shank, &["medial epicondyle carried by the shank at zero knee flexion"])?,
-    );
+    } + shifts.of("hip_centre");
+    let epicondyles =
+        [("lateral epicondyle", "lateral_epicondyle"), ("medial epicondyle", "medial_epicondyle")];
+    let carried = [
+        ("lateral epicondyle carried by the shank at zero knee flexion", "lateral_epicondyle"),
+        ("medial epicondyle carried by the shank at zero knee flexion", "medial_epicondyle"),
+    ];
+    let malleoli = [("lateral malleolus", "lateral_malleolus"), ("medial malleolus", "medial_malleolus")];
+    let metatarsals = [("metatarsal head 1", "metatarsal_1"), ("metatarsal head 5", "metatarsal_5")];
+    let knee_shift = shifts.between("lateral_epicondyle", "medial_epicondyle");
+    let ankle_shift = shifts.between("lateral_malleolus", "medial_malleolus");
+    let epicondyles = pair(Thigh, epicondyles, 0.03)?;
+    let knee_axis = (epicondyles.0 - epicondyles.1).normalize();
+    let (shank_knee, ankle) = (knee_shift, find(Shank, &["ankle centre"])? + ankle_shift);
+    let carried = pair(Shank, carried, 0.03)?;
     let shank_u = (shank_knee - ankle).cross(&(carried.0 - carried.1)).normalize();
-    let malleoli = (find(Shank, &["lateral malleolus"])? - find(Shank, &["medial malleolus"])?).normalize();
-    let metatarsals = (find(Foot, &["metatarsal head 1"])?, find(Foot, &["metatarsal head 5"])?);
+    let malleoli = pair(Shank, malleoli, 0.03)?;
+    let malleoli = (malleoli.0 - malleoli.1).normalize();
+    let metatarsals = pair(Foot, metatarsals, 0.02)?;
     let toe = 0.5 * (metatarsals.0 + metatarsals.1);
     Ok(Anatomy {
         clusters,
         pelvis: PelvisAxes {
-            u: Vector3::x(),
-            w: Vector3::z(),
+            u: pelvis_u,
+            w: pelvis_w,
             lumbar: find(Pelvis, &["lumbar joint centre (regression)", "lumbar joint centre"])?,
             hip,
             width,
             origin,
         },
-        thigh: ThighAxes { knee: find(Thigh, &["knee centre"])?, w: knee_axis },
+        thigh: ThighAxes { knee: find(Thigh, &["knee centre"])? + knee_shift, w: knee_axis },
         shank: ShankAxes { knee: shank_knee, ankle, u: shank_u, w: malleoli },
         foot: FootAxes {
-            ankle: Vector3::zeros(),
+            ankle: ankle_shift,
             toe,
-            u: (toe - find(Foot, &["heel"])?).normalize(),
+            u: (toe - find(Foot, &["heel"])? - shifts.of("heel")).normalize(),
             w: (metatarsals.1 - metatarsals.0).normalize(),
         },
     })

@@ -6,7 +6,7 @@ use toml::Spanned;
 use toml::de::{DeArray, DeInteger, DeTable, DeValue};
 
 use super::{Key, Kind, Need};
-use crate::error::{InputError, Mistakes, Place, nearest};
+use crate::error::{InputError, Mistakes, Place, hint, nearest};
 
 /// Syntax errors that are named at most; what follows them is often their echo.
 const SYNTAX_ERRORS: usize = 10;
@@ -219,7 +219,7 @@ impl Walk<'_> {
             }
             _ => None,
         };
-        let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
+        let meant = hint(meant);
         format!("{meant}give {} ({})", key.kind.words(key.unit), key.meaning)
     }
 

@@ -106,6 +106,10 @@ impl Kind {
             Kind::Number(least, most) if *most == f64::MAX && *least == f64::MIN => {
                 format!("a number{}", in_unit(&unit))
             }
+            Kind::Number(least, most) if *most == f64::MAX && *least == f64::MIN_POSITIVE => {
+                format!("a number above 0{unit}")
+            }
+            Kind::Number(least, most) if *most == f64::MAX => format!("a number, {least}{unit} at least"),
             Kind::Number(least, most) => format!("a number, {least} to {most}{unit}"),
             Kind::Count(least, most) => format!("a whole number, {least} to {most}{unit}"),
             Kind::Word(words) => {

@@ -103,6 +103,9 @@ pub enum HillError {
         /// Frame rate \[Hz\].
         rate: f64,
     },
+    /// A muscle has no force at its length.
+    #[error(transparent)]
+    Equilibrium(#[from] EquilibriumError),
 }
 
 /// How many samples hit a limit, as fractions 0..1 of the samples that could be computed.
@@ -214,6 +217,21 @@ pub fn activations(
 pub fn tendon_force(unit: &MuscleTendon, curves: &Curves, a: f64, L: f64, V: f64) -> f64 {
     let active = a * curves.active_length(L).f * curves.velocity(V, a).f;
     unit.f_max * (active + curves.passive(L).f) * cos_pennation(unit, L)
+}
+
+/// Force \[N\] of a muscle with a rigid tendon at musculotendon length `l_mt` \[m\], velocity `v_mt` \[m/s\] and activation `a`; the fibre
+/// length is limited to [`LENGTH_RANGE`].
+pub fn rigid_tendon_force(unit: &MuscleTendon, curves: &Curves, l_mt: f64, v_mt: f64, a: f64) -> f64 {
+    let (L, _) = fibre_length(unit, l_mt - unit.l_ts);
+    let V = v_mt * cos_pennation(unit, L) / (unit.v_max * unit.l_opt);
+    tendon_force(unit, curves, a, L, V).max(0.0)
+}
+
+/// Force \[N\] of a muscle whose fibre is as short as [`LENGTH_RANGE`] counts it, at velocity `v_mt` \[m/s\] and activation `a`.
+pub fn shortest_fibre_force(unit: &MuscleTendon, curves: &Curves, v_mt: f64, a: f64) -> f64 {
+    let L = shortest_fibre(unit, LENGTH_RANGE.0);
+    let V = v_mt * cos_pennation(unit, L) / (unit.v_max * unit.l_opt);
+    tendon_force(unit, curves, a, L, V).max(0.0)
 }
 
 /// The activation at which the tendon force is `force` \[N\], not clipped; inverse of [`tendon_force`].

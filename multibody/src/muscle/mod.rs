@@ -4,6 +4,8 @@ pub mod curves;
 pub mod hill;
 pub mod musculotendon;
 pub mod path;
+pub mod wrap;
+pub mod wrapped;
 
 use musculotendon::TableError;
 

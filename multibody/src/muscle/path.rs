@@ -8,6 +8,7 @@
 
 use nalgebra::Vector3;
 
+use super::wrap::{Touch, Wrap};
 use crate::joint::GENERIC_SHANK;
 use crate::natural::{Coordinates, End, Pose, SegmentId, Shape, VectorForm};
 use crate::tables::{number, rows};
@@ -41,6 +42,8 @@ pub struct Muscle {
     pub l_opt: f64,
     /// Origin, via points, insertion.
     pub path: Vec<PathPoint>,
+    /// Cylinder that the path goes over.
+    pub wrap: Option<Wrap>,
 }
 
 impl Muscle {
@@ -51,23 +54,52 @@ impl Muscle {
 
     /// Length of the (shortened) path \[m\].
     pub fn length(&self, Q: &Coordinates, fe: f64) -> f64 {
-        let points: Vec<_> = self.points(fe).map(|p| p.position.at(Q)).collect();
-        points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
+        let mut length = 0.0;
+        self.pieces(Q, fe, |piece| match piece {
+            Piece::Straight([from, to]) => length += (to.at(Q) - from.at(Q)).norm(),
+            Piece::Round(arc) => length += arc,
+        });
+        length
     }
 
     /// Generalised force of unit tension: calls `add(block, force)` for every block that a point of the path touches.
+    ///
+    /// What presses on a cylinder is the pull of both ends of the piece that lies on it.
     pub fn unit_force(&self, Q: &Coordinates, fe: f64, mut add: impl FnMut(usize, Vector3<f64>)) {
-        let mut previous: Option<(&PathPoint, Vector3<f64>)> = None;
-        for point in self.points(fe) {
-            let here = point.position.at(Q);
-            if let Some((before, there)) = previous {
-                let e = (here - there).normalize();
-                before.position.terms.iter().for_each(|&(block, k)| add(block, k * e));
-                point.position.terms.iter().for_each(|&(block, k)| add(block, -k * e));
+        self.pieces(Q, fe, |piece| {
+            let Piece::Straight([from, to]) = piece else { return };
+            // A line that begins on its cylinder has a first piece without length, between points of one body.
+            let Some(e) = (to.at(Q) - from.at(Q)).try_normalize(1e-12) else { return };
+            from.terms.iter().for_each(|&(block, k)| add(block, k * e));
+            to.terms.iter().for_each(|&(block, k)| add(block, -k * e));
+        });
+    }
+
+    /// The pieces of the path, from the origin on.
+    fn pieces(&self, Q: &Coordinates, fe: f64, mut each: impl FnMut(Piece)) {
+        let mut previous: Option<&PathPoint> = None;
+        for (k, point) in self.points(fe).enumerate() {
+            let Some(before) = previous.replace(point) else { continue };
+            let (from, to) = (&before.position, &point.position);
+            let wrap = self.wrap.as_ref().filter(|wrap| wrap.after + 1 == k);
+            match wrap.and_then(|wrap| wrap.touch(Q, &from.at(Q), &to.at(Q))) {
+                Some(Touch { points: [first, last], arc }) => {
+                    each(Piece::Straight([from, &first]));
+                    each(Piece::Round(arc));
+                    each(Piece::Straight([&last, to]));
+                }
+                None => each(Piece::Straight([from, to])),
             }
-            previous = Some((point, here));
         }
     }
+}
+
+/// A piece of a path.
+enum Piece<'a> {
+    /// Between two points.
+    Straight([&'a VectorForm; 2]),
+    /// On a cylinder, of this length \[m\].
+    Round(f64),
 }
 
 /// Knee angle FE \[rad, extension positive\] that switches the conditional points: the Z rotation of the sequence
@@ -124,8 +156,16 @@ pub fn muscles(shapes: &[Shape; 5], hip: &Vector3<f64>) -> Vec<Muscle> {
             f_max: number(row, "fmax_gait2392_N"),
             l_opt: number(row, "opt_fibre_length_m_gait2392"),
             path: points.iter().filter(|p| p["muscle"] == row["name"]).map(place).collect(),
+            wrap: None,
         })
         .collect()
+}
+
+/// Points of a muscle in the frames of the generic segments that carry them \[m\], in the order of the table.
+pub(super) fn generic_points(muscle: &str) -> Vec<Vector3<f64>> {
+    let table = rows(include_str!("../../../gait-data/muscle_points.csv"));
+    let of_muscle = table.iter().filter(|row| row["muscle"] == muscle);
+    of_muscle.map(|row| Vector3::from(["x_m", "y_m", "z_m"].map(|column| number(row, column)))).collect()
 }
 
 /// Reads `always`, `FE>=a`, `FE<b` or `FE<b and FE>=a` (degrees) as a half-open range \[rad\].

@@ -89,6 +89,7 @@ fn trial(path: &Path, data: Option<&Path>) -> Result<String, InputError> {
     // Mistakes of the file do not hide those of the recordings.
     let load = |leg: &TrialFile, wrong: &mut Mistakes| {
         let (trial, landmarks) = (wrong.keep(leg.load(data)), wrong.keep(leg.landmarks(data)));
+        wrong.keep(leg.emg(data));
         Some(words_of(leg, &trial?, &landmarks?))
     };
     let legs: Option<Vec<String>> =

@@ -117,6 +117,13 @@ pub const REACTIONS: [Reaction; 21] = [
     Reaction { name: "femur_axial", weight: 1e-6, lower: 0.0 },
 ];
 
+/// What stands in place of the ligaments where a post and conforming surfaces take shear both ways: as cheap as the cruciate ligaments.
+pub const SHEAR: [Reaction; 3] = [
+    Reaction { name: "knee_shear_medial", weight: 1e-6, lower: FREE },
+    Reaction { name: "knee_shear_lateral", weight: 1e-6, lower: FREE },
+    Reaction { name: "knee_shear_z", weight: 1e-6, lower: FREE },
+];
+
 /// The rows of x: 21 with the parallel ankle, 19 with the universal one.
 pub fn reactions(parallel_ankle: bool) -> Vec<Reaction> {
     let exists = |(row, _): &(usize, Reaction)| parallel_ankle || !(3..5).contains(row);

@@ -58,6 +58,8 @@ pub const KEYS: &[Key] = &[
     key("landmarks", Section, Required, "", "Where joint centres and bony landmarks come from", ""),
     key("landmarks.source", Word(&["table", "markers", "functional"]), Required, "", "A table of local coordinates, markers on the landmarks, or functional calibration of knee and ankle from motion", "\"markers\""),
     key("landmarks.hip_centre", Either(&[Word(&["table", "regression", "harrington"]), Vector]), Optional("\"table\" with a table, else \"harrington\""), "m", "Hip centre: that of the table, a rule, or three numbers from the midpoint of the ASISs: forward, up, towards the leg", "\"harrington\""),
+    key("landmarks.knee_centre", Word(&["patella", "functional"]), Optional("\"patella\" with source = \"functional\", else not used"), "", "Knee centre of a functional calibration: corrected by the patella marker, because skin that slides moves the axis, or on the axis as found", "\"patella\""),
+    key("landmarks.patella_distance_mm", Number(30.0, 120.0), Optional("0.1776 lengths of the thigh"), "mm", "From the knee centre to the patella marker along the forward axis of the thigh, knee straight, where it was measured on the subject", "70.0"),
     key("landmarks.table", File, Optional("needed by source = \"table\" alone"), "", "Table of local coordinates (CSV), also looked for in a folder `subjects` beside that of this file", "\"DM.csv\""),
     key("landmarks.rename", Map, Optional("names of the table are those of the markers"), "", "Item of the table = recorded marker, where the names differ", "\"right ASIS\" = \"RASI\""),
     key("landmarks.static", File, Optional("the landmark markers are in `motion`"), "", "Standing trial with the landmark markers (source = \"markers\")", "\"standing.c3d\""),
@@ -92,6 +94,12 @@ pub const KEYS: &[Key] = &[
 
     key("model", Section, Optional("the defaults of its keys"), "", "Choices of the model", ""),
     key("model.ankle", Word(&["universal", "parallel"]), Default("\"universal\""), "", "Joint between shank and foot: two hinges, or a parallel mechanism of contact and two ligaments", "\"parallel\""),
+    key("model.knee", Word(&["natural", "implant"]), Default("\"natural\""), "", "What the knee is: natural, with cruciate ligaments that pull; or a prosthesis, whose post and surfaces take shear both ways and whose compartments may lift off", "\"implant\""),
+
+    key("emg", Section, Optional("no electromyography is compared"), "", "Electromyography of the leg under study (of both legs: of the right one): when muscles were excited, beside when they pull", ""),
+    key("emg.file", File, Optional("the analog channels of the C3D motion"), "", "Table with the channels over time: CSV, STO or MOT, or another C3D file", "\"walk_emg.csv\""),
+    key("emg.delay_ms", Number(0.0, 200.0), Default("50.0"), "ms", "Electromechanical delay: how long force comes after excitation", "50.0"),
+    key("emg.channels", Map, Required, "", "Channel of the recording = muscle line, or several with spaces between", "\"medgas\" = \"gasmed\""),
 
     key("gaps", Section, Optional("the defaults of its keys"), "", "What to do about gaps in marker paths", ""),
     key("gaps.fill_up_to_frames", Count(0, 1_000_000), Default("0"), "frames", "Longest gap that is filled by a cubic through its neighbours; 0 fills none", "10"),

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use super::load::mirror;
 use super::recorded::Recorded;
-use super::{HipCentre, HipRule, LandmarkEntry, Source, TrialFile, doubts};
+use super::{HipCentre, HipRule, KneeRule, LandmarkEntry, Source, TrialFile, doubts};
+use crate::calibration::knee_centre::KneeCentre;
 use crate::calibration::table::{self, TableError, TableItem};
 use crate::error::{InputError, Mistakes, Place, nearest};
 use crate::natural::SegmentId;
@@ -22,6 +23,8 @@ const HIP_REGION: [RangeInclusive<f64>; 3] = [-0.15..=0.0, -0.2..=0.0, 0.03..=0.
 pub struct LandmarkSpec {
     /// Where the hip centre comes from.
     pub hip_centre: HipCentre,
+    /// Which knee centre a functional calibration takes.
+    pub knee_centre: KneeCentre,
     /// Where the others come from.
     pub source: Landmarks,
 }
@@ -137,7 +140,7 @@ impl TrialFile {
                 }
             }
         };
-        Ok(LandmarkSpec { hip_centre: self.hip_centre(), source })
+        Ok(LandmarkSpec { hip_centre: self.hip_centre(), knee_centre: self.knee_centre(), source })
     }
 
     fn mirrored_tracks(
@@ -355,6 +358,26 @@ impl TrialFile {
                 }
                 unused("static", entry.static_trial.is_some(), wrong);
             }
+        }
+        if entry.source != Source::Functional {
+            unused("knee_centre", entry.knee_centre.is_some(), wrong);
+            unused("patella_distance_mm", entry.patella_distance_mm.is_some(), wrong);
+        } else if entry.patella_distance_mm.is_some() {
+            if entry.knee_centre == Some(KneeRule::Functional) {
+                let remedy = "`knee_centre = \"functional\"` does not use it; remove one of them";
+                wrong.note(self.bad_value("patella_distance_mm", "given", remedy));
+            }
+            if entry.patella.is_none() {
+                let remedy = "it counts from the marker on the patella; name it in [landmarks]";
+                wrong.note(self.bad_value("patella_distance_mm", "without `patella`", remedy));
+            }
+        }
+        if entry.source == Source::Functional
+            && entry.knee_centre == Some(KneeRule::Patella)
+            && entry.patella.is_none()
+        {
+            let remedy = "name the marker on the patella in [landmarks], or take `functional`";
+            wrong.note(self.bad_value("knee_centre", "\"patella\" without `patella`", remedy));
         }
         if entry.source != Source::Table {
             unused("table", entry.table.is_some(), wrong);

@@ -5,6 +5,7 @@
 
 mod axes;
 mod doubts;
+mod emg;
 mod force;
 mod guess;
 mod keys;
@@ -21,11 +22,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 pub use axes::{Axes, SignedAxis};
+pub use emg::EmgEntry;
 pub use guess::{Guess, Wishes, guess};
 pub use keys::KEYS;
 pub use landmarks::{LandmarkSpec, Landmarks, Roles, read_landmarks};
 pub use left::{LeftEntry, LeftForce, LeftLandmarks};
 
+use crate::calibration::knee_centre::KneeCentre;
 use crate::error::{InputError, Mistakes, Place};
 use crate::keys::examine;
 use crate::natural::SegmentId;
@@ -71,6 +74,8 @@ pub struct TrialFile {
     /// What to do about gaps.
     #[serde(default)]
     pub gaps: GapEntry,
+    /// Electromyography.
+    pub emg: Option<EmgEntry>,
     /// Recordings that differ from `motion` in axes, units or gaps.
     #[serde(default)]
     pub recording: Vec<RecordingEntry>,
@@ -229,6 +234,17 @@ pub enum HipRule {
     Harrington,
 }
 
+/// Which knee centre a functional calibration takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum KneeRule {
+    /// Where it is from the patella marker in subjects whose knee centre is known.
+    #[default]
+    Patella,
+    /// On the axis of rotation as found.
+    Functional,
+}
+
 /// `[landmarks]`. Names are those of recorded markers.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -238,6 +254,10 @@ pub struct LandmarkEntry {
     pub source: Source,
     /// Default: that of the table, else `harrington`.
     pub hip_centre: Option<HipCentre>,
+    /// Knee centre of a functional calibration. Default: `patella`.
+    pub knee_centre: Option<KneeRule>,
+    /// From the knee centre to the patella marker along the forward axis of the thigh, as measured on the subject \[mm\].
+    pub patella_distance_mm: Option<f64>,
     /// Table of local coordinates (`item, kind, segment, …`), found also in a folder `subjects` beside that of the trial file.
     pub table: Option<PathBuf>,
     /// Item of the table → recorded marker, where the names differ.
@@ -294,12 +314,25 @@ pub enum Ankle {
     Parallel,
 }
 
+/// What the knee is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Knee {
+    /// A natural knee.
+    #[default]
+    Natural,
+    /// A prosthesis.
+    Implant,
+}
+
 /// `[model]`
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelEntry {
     /// Which ankle.
     pub ankle: Ankle,
+    /// What the knee is.
+    pub knee: Knee,
 }
 
 /// `[gaps]`
@@ -367,6 +400,16 @@ impl TrialFile {
             Source::Markers | Source::Functional => HipRule::Harrington,
         };
         self.landmarks.hip_centre.unwrap_or(HipCentre::By(default))
+    }
+
+    /// Knee centre of a functional calibration.
+    pub fn knee_centre(&self) -> KneeCentre {
+        match self.landmarks.knee_centre.unwrap_or_default() {
+            KneeRule::Functional => KneeCentre::AsFound,
+            KneeRule::Patella => {
+                KneeCentre::ByPatella(self.landmarks.patella_distance_mm.map(|mm| 1e-3 * mm))
+            }
+        }
     }
 
     /// What more than one key must agree on; each by itself was examined with the table of keys.

@@ -17,6 +17,9 @@ impl TrialFile {
         {
             files.push(self.find(given, data)?);
         }
+        if let Some(file) = self.emg.as_ref().and_then(|emg| emg.file.as_ref()) {
+            files.push(self.find(file, data)?);
+        }
         if let Some(table) = &self.landmarks.table {
             files.push(self.find_table(table, data)?);
         }

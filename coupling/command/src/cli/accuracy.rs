@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use super::rung::step;
 use crate::error::CommandError;
 use crate::output::OutputError;
+use coupling::comparison::Comparison;
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::cost::curve::{Curve, Point, cheapest};
 use coupling::cost::ladder::changed;
 use coupling::cost::rung::{Deviation, numbers_of, read_numbers};
 use coupling::number::significant;
 use coupling::scene::Scene;
-use coupling::study::Comparison;
 
 /// An accuracy that was asked for, and the setting that is to reach it.
 pub struct Accuracy {

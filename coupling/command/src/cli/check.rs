@@ -10,6 +10,7 @@ use crate::error::CommandError;
 use coupling::cost::ladder::Ladder;
 use coupling::scene::{Scene, TomlKind};
 use coupling::solve::OwnScene;
+use coupling::study::Study;
 
 #[derive(Args)]
 pub struct CheckArguments {
@@ -52,6 +53,17 @@ fn check(file: &Path, data: Option<&Path>) -> Result<String, CommandError> {
                 ladder.rungs.len(),
                 names.len(),
                 names.join(", ")
+            ));
+        }
+        Some(TomlKind::Study) => {
+            let study = Study::read(file, data)?;
+            return Ok(format!(
+                "Study: {} runs; {} subjects, {} settings, {} samples of {} dimensions.",
+                study.n_runs(),
+                study.subjects.len(),
+                study.settings.len(),
+                study.samples,
+                study.dimensions.len()
             ));
         }
         Some(TomlKind::OwnScene) => return Ok(of_own(&OwnScene::read(file)?)),

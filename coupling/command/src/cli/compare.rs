@@ -16,14 +16,14 @@ use crate::output::compare::write_compare;
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, Size};
 use crate::report::compare::CompareReport;
-use coupling::configuration::PerConfiguration;
+use coupling::comparison::compare::MuscleForce;
+use coupling::comparison::estimate::{Expected, Work};
+use coupling::comparison::explain::write_calibration;
+use coupling::comparison::{Comparison, Prepared, STAGES, Sized};
+use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::number::plain;
 use coupling::scene::StressFree;
 use coupling::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
-use coupling::study::compare::MuscleForce;
-use coupling::study::estimate::{Expected, Work};
-use coupling::study::explain::write_calibration;
-use coupling::study::{Comparison, Prepared, STAGES, Sized};
 use coupling::subject::words;
 use coupling::two_way::fixed_point::Scheme;
 use coupling::two_way::{Coupling, MOST_PASSES, Pass, write_capacities, write_missing, write_passes};
@@ -38,13 +38,15 @@ pub struct CompareArguments {
     /// Posture in which the mesh is free of stress, in place of the scene's: standing, or at heel strike as in the publication.
     #[arg(long, value_enum)]
     stress_free: Option<StressFreeChoice>,
-    /// Which configurations are computed [default: both where the scene has contact; without where it has none, or with --two-way].
+    /// Which configurations are computed [default: both where the scene has contact; without where it has none, or with --two-way,
+    /// which couples one of them].
     #[arg(long, value_enum)]
     contact: Option<ContactChoice>,
     /// Only these muscles, by name, in place of the scene's.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
-    /// Feed the forces and lever arms of the thigh back into force sharing until they no longer change; without contact, Hill fibres.
+    /// Feed the forces and lever arms of the thigh back into force sharing until they no longer change. Needs Hill fibres; goes without contact
+    /// unless `--contact with` is given.
     #[arg(long, value_enum, value_name = "SCHEME", num_args = 0..=1, require_equals = true, default_missing_value = "iqn-ils")]
     two_way: Option<SchemeChoice>,
     /// Passes of two-way coupling at most; the first is the one-way result.
@@ -124,9 +126,9 @@ impl CompareArguments {
             scene.stress_free = reading;
         }
         let has_contact = scene.contact.is_some();
-        if let (Some(_), Some(ContactChoice::Both | ContactChoice::With)) = (self.two_way, self.contact) {
+        if let (Some(_), Some(ContactChoice::Both)) = (self.two_way, self.contact) {
             return Err(CommandError::Option(
-                "--two-way couples the thigh without contact; leave out --contact".into(),
+                "--two-way couples the thigh either without contact or with it; give --contact without or --contact with".into(),
             ));
         }
         let [without, with] = match self.contact {
@@ -161,8 +163,9 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
         };
         (scheme, usize::from(arguments.passes))
     });
-    if two_way.is_some() && !(scene.deformable && scene.fibres == Fibres::Hill && asked.without) {
-        let why = "--two-way needs Hill fibres and the configuration without contact: set `fibres = \"hill\"` and muscles in the scene, and give no --contact with";
+    if two_way.is_some() && !(scene.deformable && scene.fibres == Fibres::Hill) {
+        let why =
+            "--two-way needs muscles with Hill fibres: set `fibres = \"hill\"` and muscles in the scene";
         return Err(CommandError::Option(why.into()));
     }
     if let (Some(_), Some(unit)) = (two_way, &scene.controller) {
@@ -247,10 +250,12 @@ pub(super) fn carry_out(
     record.iterations.insert("frames".into(), count(&|run| run.frames.len()));
     record.iterations.insert("frames taken over".into(), count(&|run| run.taken_over));
     let clock = Instant::now();
-    let coupling = two_way.map(|(scheme, most)| prepared.two_way(&comparison, scheme, most)).transpose()?;
+    let coupled = if asked.with { Configuration::WithContact } else { Configuration::WithoutContact };
+    let coupling =
+        two_way.map(|(scheme, most)| prepared.two_way(&comparison, coupled, scheme, most)).transpose()?;
     let Coupling { passes, last, capacities, shortcomings: unsettled } = coupling.unwrap_or_default();
     if !last.is_empty() {
-        prepared.adopt(&mut comparison, &last, clock.elapsed(), folder)?;
+        prepared.adopt(&mut comparison, coupled, &last, clock.elapsed(), folder)?;
     }
     if two_way.is_some() {
         progress.lap(TWO_WAY);

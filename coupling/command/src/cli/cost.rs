@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use multibody::error::nearest;
+use multibody::error::unknown;
 use sysinfo::System;
 
 use super::progress::Progress;
@@ -21,14 +21,13 @@ use crate::output::cost::{write_axes, write_cost, write_errors};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::cost::{CostReport, cost_page, cost_picture};
+use coupling::comparison::estimate::{Expected, Work};
+use coupling::comparison::{STAGES, Sized};
 use coupling::configuration::PerConfiguration;
 use coupling::cost::ladder::Ladder;
 use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
-use coupling::fibres::cache::content_hash;
+use coupling::fibres::cache::program_hash;
 use coupling::number::plain;
-use coupling::study::estimate::{Expected, Work};
-use coupling::study::{STAGES, Sized};
-use fem::mesh::Mesh;
 
 #[derive(Args)]
 pub struct CostArguments {
@@ -77,7 +76,7 @@ impl Before {
         for input in sized.inputs() {
             files += &InputFile::of(input)?.sha256;
         }
-        let hash = content_hash(&Mesh::default(), &format!("{}{files}", rung.scene.text));
+        let hash = program_hash(&format!("{}{files}", rung.scene.text));
         let text = format!("# Rung {} of the ladder {}; {hash}\n{}", rung.name, ladder.name, rung.scene.text);
         let with = rung.scene.contact.is_some();
         let works = Work::of_draft(&sized.scene, &sized.draft()?, PerConfiguration { without: !with, with });
@@ -171,11 +170,9 @@ fn only(ladder: &mut Ladder, names: &[String]) -> Result<(), CommandError> {
     for name in names {
         let known = || ladder.axes.iter().map(|axis| axis.name.as_str());
         if !known().any(|n| n == name) {
-            let meant = nearest(name, known()).map_or(String::new(), |m| format!("did you mean `{m}`? "));
-            let all: Vec<&str> = known().collect();
             return Err(CommandError::Option(format!(
-                "--only names `{name}`, which is no axis of the ladder; {meant}its axes are {}",
-                all.join(", ")
+                "--only names `{name}`, which is no axis of the ladder; {}",
+                unknown(name, "its axes are", known())
             )));
         }
     }

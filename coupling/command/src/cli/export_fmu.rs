@@ -17,12 +17,12 @@ use super::progress::Progress;
 use super::scenes::{read_scene, scenes};
 use super::{Outcome, tell};
 use crate::error::CommandError;
+use coupling::comparison::{Prepared, STAGES, Sized};
 use coupling::configuration::Configuration;
-use coupling::error::StudyError;
+use coupling::error::CouplingError;
 use coupling::fibres::WrittenCalibration;
 use coupling::scene::Fibres;
 use coupling::session::{RigidSide, ThighSide};
-use coupling::study::{Prepared, STAGES, Sized};
 
 #[derive(Args)]
 pub struct ExportArguments {
@@ -169,6 +169,6 @@ fn said(words: &str) -> CommandError {
 fn bad(error: UnitError) -> CommandError {
     match error {
         UnitError::Wrong(words) => CommandError::Option(words),
-        UnitError::NoSolution(words) => CommandError::Study(StudyError::NotConverged(words)),
+        UnitError::NoSolution(words) => CommandError::Coupling(CouplingError::NotConverged(words)),
     }
 }

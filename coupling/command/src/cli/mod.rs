@@ -14,7 +14,11 @@ mod rung;
 mod scenes;
 mod solve;
 mod step;
+mod study;
 mod template;
+mod workers;
+
+pub use study::{Collected, collect};
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -112,6 +116,8 @@ enum Command {
     Step(step::StepArguments),
     /// What accuracy costs in time: a ladder of settings, how far each is from the finest, and how sure every force is.
     Cost(cost::CostArguments),
+    /// Many runs: subjects by settings by samples; one table, bands, and what the numbers follow.
+    Study(study::StudyArguments),
     /// Bodies of your own: mesh, laws, ties, contact and a table that drives them; fields, forces and a verdict.
     Solve(solve::SolveArguments),
     /// What a scene would simulate, what it leaves out and why, and what it would cost.
@@ -161,6 +167,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Step(arguments) => step::run(&arguments, quiet),
         Command::Cost(arguments) => cost::run(&arguments, quiet),
         Command::Solve(arguments) => solve::run(&arguments, quiet),
+        Command::Study(arguments) => study::run(&arguments, quiet),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::ExportFmu(arguments) => export_fmu::run(&arguments, quiet),
         Command::Scenes(arguments) => scenes::run(&arguments),

@@ -9,10 +9,10 @@ use serde_json::json;
 use super::scenes::{read_scene, scenes};
 use super::{Outcome, tell};
 use crate::error::CommandError;
+use coupling::comparison::estimate::{Expected, Stage, Work};
+use coupling::comparison::{Prepared, Sized};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
-use coupling::study::estimate::{Expected, Stage, Work};
-use coupling::study::{Prepared, Sized};
 
 #[derive(Args)]
 pub struct PlanArguments {

@@ -2,11 +2,13 @@
 
 use std::io;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
+
+use crate::program;
 
 /// Carries out `step` for a scene file, with the threads of this process. `resume`: goes on with what a killed run left in `out`.
 pub(super) fn step(scene: &Path, out: &Path, data: Option<&Path>, resume: bool) -> io::Result<Output> {
-    let mut command = Command::new(std::env::current_exe()?);
+    let mut command = program::command()?;
     let threads = rayon::current_num_threads().to_string();
     command.args(["--quiet", "--with-parent", "--threads", &threads, "step"]).arg(scene);
     command.arg("--out").arg(out).arg("--force");

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use clap::Args;
-use multibody::error::nearest;
+use multibody::error::{hint, nearest};
 use multibody::shipped::{self, Kind};
 
 use super::Outcome;
@@ -27,8 +27,7 @@ pub fn run(arguments: &ScenesArguments) -> Result<Outcome, CommandError> {
         Some(name) => match all().find(|(known, _)| known == name) {
             Some((_, text)) => write!(out, "{text}"),
             None => {
-                let meant = nearest(name, all().map(|(known, _)| known));
-                let meant = meant.map_or(String::new(), |m| format!("did you mean `{m}`? "));
+                let meant = hint(nearest(name, all().map(|(known, _)| known)));
                 return Err(CommandError::Option(format!(
                     "no shipped scene or trial is named `{name}`; {meant}`sartorius scenes` lists them"
                 )));

@@ -12,8 +12,8 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use coupling::comparison::ONE_WAY_FOLDER;
 use coupling::configuration::Configuration;
-use coupling::study::ONE_WAY_FOLDER;
 
 use super::OutputError;
 

@@ -10,9 +10,9 @@ use super::run::{self, RunRecord};
 use super::tables::Series;
 use super::{OutputError, sto};
 use crate::report::compare::{CompareReport, OneWayRow, compare_page};
-use coupling::configuration::Configuration;
+use coupling::comparison::ONE_WAY_FOLDER;
+use coupling::configuration::Configuration::{self, WithContact, WithoutContact};
 use coupling::number::plain;
-use coupling::study::ONE_WAY_FOLDER;
 
 /// Writes tables, page and, last of all, `run.json` into `out`.
 pub fn write_compare(
@@ -36,17 +36,21 @@ pub fn write_compare(
         sto::write(w, &format!("{} rigid_forces ({})", report.name, report.subject), &rigid, false)
     })?;
     let before = |of: fn(OneWayRow) -> f64| forces(report, move |row| row.one_way.map_or(f64::NAN, of));
-    for (name, series) in [
-        ("rigid_forces_one_way", before(|b| b.rigid)),
-        ("fe_forces_no_contact_one_way", before(|b| b.fe.map_or(f64::NAN, |f| f.total))),
+    let coupled = report.comparison.one_way.as_ref().map(|one_way| one_way.configuration);
+    let fe = |c: Configuration| format!("fe_forces_{}_one_way", c.folder());
+    for (name, is_there, force) in [
+        ("rigid_forces_one_way".into(), coupled.is_some(), (|b| b.rigid) as fn(OneWayRow) -> f64),
+        (fe(WithoutContact), coupled == Some(WithoutContact), |b| b.fe.map_or(f64::NAN, |f| f.total)),
+        (fe(WithContact), coupled == Some(WithContact), |b| b.fe.map_or(f64::NAN, |f| f.total)),
     ] {
         let file = format!("{name}.sto");
-        match report.comparison.one_way {
-            Some(_) => {
+        match is_there {
+            true => {
                 let title = format!("{} {name} ({})", report.name, report.subject);
+                let series = before(force);
                 out.write(&file, |w| sto::write(w, &title, &series, false))?
             }
-            None => out.remove(&file)?,
+            false => out.remove(&file)?,
         }
     }
     let page = compare_page(report);
@@ -94,10 +98,10 @@ fn write_comparison(w: &mut dyn Write, report: &CompareReport) -> io::Result<()>
         w,
         "step,muscle,activation,rigid_N,fe_no_contact_N,fe_contact_N,difference_no_contact_N,difference_contact_N,\
          fibre_N,matrix_N,shell_N{}",
-        if report.comparison.one_way.is_some() {
-            ",activation_one_way,rigid_one_way_N,fe_no_contact_one_way_N"
-        } else {
-            ""
+        match &report.comparison.one_way {
+            Some(one_way) =>
+                format!(",activation_one_way,rigid_one_way_N,fe_{}_one_way_N", one_way.configuration.folder()),
+            None => String::new(),
         }
     )?;
     for (k, step) in report.comparison.steps.iter().enumerate() {

@@ -10,6 +10,7 @@ pub mod origin;
 pub mod run;
 pub mod solve;
 pub mod sto;
+pub mod study;
 pub mod tables;
 
 use std::io;
@@ -145,6 +146,29 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
     out.write(&at("verdicts.csv"), |w| tables::write_verdicts(w, report.motion, report.effort))?;
     write_if_any(out, &at("reserves"), tables::reserves(report.effort))?;
     write_if_any(out, &at("least_violation"), tables::least_violation(report.effort))?;
+    let time = &report.effort.time;
+    let bands = report.bands.map(|bands| tables::joint_force_bounds(time, bands));
+    write_if_any(out, &at("joint_force_bounds"), bands)?;
+    let passive = report.passive.map(|passive| tables::passive_moments(time, passive));
+    write_if_any(out, &at("passive_moments"), passive)?;
+    write_if_any(out, &at("emg"), report.emg.map(|compared| tables::emg(time, compared)))?;
+    match report.emg {
+        Some(compared) => {
+            out.write(&at("emg_concordance.csv"), |w| tables::write_concordance(w, compared))?;
+        }
+        None => out.remove(&at("emg_concordance.csv"))?,
+    }
+    write_if_any(out, &at("joint_force_samples"), report.samples.map(tables::sampled_forces))?;
+    match report.samples {
+        Some(samples) => {
+            out.write(&at("samples.csv"), |w| tables::write_samples(w, samples))?;
+            out.write(&at("sobol.csv"), |w| tables::write_sobol(w, samples))?;
+        }
+        None => {
+            out.remove(&at("samples.csv"))?;
+            out.remove(&at("sobol.csv"))?;
+        }
+    }
     write_if_any(out, &at("measured_knee"), report.measured.map(tables::measured_knee))?;
 
     let side = report.trial.side;

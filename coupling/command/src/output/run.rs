@@ -7,7 +7,7 @@ use multibody::trial::Trial;
 use serde::Serialize;
 
 use super::origin::{Again, InputFile, Machine, Program, now};
-use coupling::study::Comparison;
+use coupling::comparison::Comparison;
 use coupling::subject::words;
 use fem::plan::Plan;
 

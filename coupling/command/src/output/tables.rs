@@ -5,10 +5,12 @@
 
 use std::io::{self, Write};
 
+use multibody::emg::Compared;
 use multibody::loads::Loads;
 use multibody::trial::{Effort, Motion, Status, Table};
 
 use coupling::measured::Overlay;
+use coupling::samples::{PEAKS, Samples};
 
 /// Named columns over time, as they stand in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,6 +95,70 @@ pub fn joint_forces(effort: &Effort) -> Series {
 pub fn reserves(effort: &Effort) -> Option<Series> {
     let series = Series::from_table(&effort.time, &effort.reserves, 1.0, "_Nm");
     (!series.columns.is_empty()).then_some(series)
+}
+
+/// `joint_force_bounds.csv`: least and greatest joint forces \[N\] over all admissible sharings.
+pub fn joint_force_bounds(time: &[f64], bands: &Table) -> Series {
+    Series::from_table(time, bands, 1.0, "_N")
+}
+
+/// `passive_moments.csv`: passive joint moments \[N·m\] beside those of the resting muscles that force sharing knows.
+pub fn passive_moments(time: &[f64], passive: &Table) -> Series {
+    Series::from_table(time, passive, 1.0, "_Nm")
+}
+
+/// `emg.csv`: envelope of every channel and force of its muscles, as fractions of their largest values.
+pub fn emg(time: &[f64], compared: &[Compared]) -> Series {
+    let columns = compared.iter().flat_map(|c| {
+        [
+            (format!("{}_emg", c.channel), c.envelope.clone()),
+            (format!("{}_force", c.channel), c.force.clone()),
+        ]
+    });
+    Series { time: time.to_vec(), columns: columns.collect() }
+}
+
+/// `emg_concordance.csv`: a row per channel.
+pub fn write_concordance(out: &mut dyn Write, compared: &[Compared]) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(["channel", "muscles", "concordance", "defect"])?;
+    for c in compared {
+        csv.write_record([
+            c.channel.clone(),
+            c.muscles.join(" "),
+            cell(c.concordance.unwrap_or(f64::NAN)),
+            c.defect.map_or(String::new(), |defect| defect.words().into()),
+        ])?;
+    }
+    csv.flush()
+}
+
+/// `joint_force_samples.csv`: the knee forces of nineteen of twenty samples \[N\].
+pub fn sampled_forces(samples: &Samples) -> Series {
+    Series::from_table(&samples.time, &samples.bands, 1.0, "_N")
+}
+
+/// `samples.csv`: the largest knee forces of every independent sample \[N\].
+pub fn write_samples(out: &mut dyn Write, samples: &Samples) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(
+        std::iter::once("sample".to_string()).chain(PEAKS.map(|name| format!("{name}_peak_N"))),
+    )?;
+    for (k, peaks) in samples.peaks.iter().enumerate() {
+        csv.write_record(std::iter::once(k.to_string()).chain(peaks.iter().map(|v| cell(*v))))?;
+    }
+    csv.flush()
+}
+
+/// `sobol.csv`: where the scatter of the largest knee forces comes from.
+pub fn write_sobol(out: &mut dyn Write, samples: &Samples) -> io::Result<()> {
+    let mut csv = csv::Writer::from_writer(out);
+    csv.write_record(["force", "inputs", "first_order", "first_order_error", "total", "total_error"])?;
+    for i in &samples.indices {
+        let numbers = [i.first[0], i.first[1], i.total[0], i.total[1]].map(cell);
+        csv.write_record([i.quantity.to_string(), i.group.to_string()].into_iter().chain(numbers))?;
+    }
+    csv.flush()
 }
 
 /// `least_violation.csv`: muscle and joint forces \[N\] of the infeasible frames alone, which are no solution; `None` where there are none.

@@ -128,6 +128,7 @@ impl<'a> Both<'a> {
             unit,
             axis: &self.axis,
             lines,
+            bands: Vec::new(),
             size,
             scale: Scale::FromZero,
             right: None,

@@ -19,14 +19,17 @@ pub mod page;
 pub mod plot;
 pub mod problems;
 pub mod reserves;
+pub mod study;
 pub mod svg;
 
+use multibody::emg::{self, Compared};
 use multibody::loads::Loads;
-use multibody::trial::{Effort, Motion, Status, Trial};
+use multibody::trial::{Effort, Motion, Status, Table, Trial};
 use serde::Serialize;
 
 use crate::output::tables::Series;
 use coupling::measured::{Agreement, Overlay};
+use coupling::samples::Samples;
 
 pub use optimize::optimize_page;
 pub use reserves::Reserve;
@@ -70,6 +73,14 @@ pub struct OptimizeReport<'a> {
     pub notes: &'a [String],
     /// Comparison with an instrumented knee.
     pub measured: Option<&'a Overlay>,
+    /// Least and greatest joint forces over all admissible sharings; absent where they were not asked for.
+    pub bands: Option<&'a Table>,
+    /// Passive joint moments beside those of the muscles; absent where they are left out.
+    pub passive: Option<&'a Table>,
+    /// Electromyography beside muscle forces.
+    pub emg: Option<&'a [Compared]>,
+    /// The trial with inputs that scatter; absent where it was not asked for.
+    pub samples: Option<&'a Samples>,
     /// The motion in coordinates of OpenSim's gait2392; absent where there is no model of the leg.
     pub gait2392: Option<&'a Series>,
 }
@@ -113,6 +124,9 @@ pub struct Summary {
     pub reserves: Vec<Reserve>,
     /// Fraction of force samples of solved frames that activations within 0..1 cannot give, over all muscles.
     pub clipped_share: Option<f64>,
+    /// Mean concordance with electromyography over the channels without defect, 0..1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub emg_concordance: Option<f64>,
     /// Agreement with measured medial, lateral and total knee force, over the compared frames alone.
     pub measured: Option<[(&'static str, Agreement); 3]>,
     /// Frames that are solved and measured.
@@ -164,6 +178,7 @@ impl Summary {
             largest_reserve_share_time_s: reserve.map(|r| effort.time[r.1]),
             reserves: Reserve::of(effort, report.loads),
             clipped_share: (!clipped.is_empty()).then(|| clipped.iter().sum::<f64>() / clipped.len() as f64),
+            emg_concordance: report.emg.and_then(emg::overall),
             measured: report.measured.map(|o| o.curves().map(|(name, c)| (name, c.agreement.clone()))),
             compared_frames: report.measured.map(|o| o.time.len()),
         }

@@ -49,6 +49,17 @@ pub struct Line<'a> {
     pub values: Vec<f64>,
 }
 
+/// A surface between two curves, drawn behind the curves of its name.
+#[derive(Clone, Debug)]
+pub struct Band {
+    /// The curve that it belongs to.
+    pub name: String,
+    /// Class of its colour.
+    pub class: &'static str,
+    /// Lower and upper end at every frame of the axis; what is not finite leaves a gap.
+    pub ends: [Vec<f64>; 2],
+}
+
 /// How large a figure is drawn, in user units (one per CSS pixel on a wide screen).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Size {
@@ -93,6 +104,8 @@ pub struct Plot<'a> {
     pub axis: &'a TimeAxis,
     /// Drawn in order.
     pub lines: Vec<Line<'a>>,
+    /// Drawn behind all curves.
+    pub bands: Vec<Band>,
     /// Extent of the figure.
     pub size: Size,
     /// Vertical scale.
@@ -163,6 +176,9 @@ impl Plot<'_> {
                 px(frame.right)
             );
         }
+        for band in &self.bands {
+            self.surface(&mut svg, band, &x, &y);
+        }
         for line in &self.lines {
             self.curve(&mut svg, line, &frame, &x, &y);
         }
@@ -209,7 +225,8 @@ impl Plot<'_> {
 
     fn vertical(&self) -> Vertical {
         let wanted = if self.size == Size::Small { 3 } else { 5 };
-        let range = extent(self.lines.iter().flat_map(|line| &line.values));
+        let of_bands = self.bands.iter().flat_map(|band| &band.ends).flatten();
+        let range = extent(self.lines.iter().flat_map(|line| &line.values).chain(of_bands));
         if self.scale == Scale::Log {
             let (lo, hi) = range.unwrap_or((1e-12, 1e-6));
             let hi = self.bound.map_or(hi, |(v, _)| hi.max(v)).max(LOG_FLOOR);
@@ -396,6 +413,32 @@ impl Plot<'_> {
         }
     }
 
+    /// The surface between the ends of a band, broken where either is missing.
+    fn surface(&self, svg: &mut String, band: &Band, x: &dyn Fn(f64) -> f64, y: &dyn Fn(f64) -> f64) {
+        let [lower, upper] = &band.ends;
+        let seen = |i: &usize| lower[*i].abs() <= LARGEST && upper[*i].abs() <= LARGEST;
+        let frames: Vec<usize> = (0..self.axis.time.len()).collect();
+        let mut path = String::new();
+        for run in frames.split(|i| !seen(i)).filter(|run| !run.is_empty()) {
+            let there = run.iter().map(|&i| (i, upper[i]));
+            let back = run.iter().rev().map(|&i| (i, lower[i]));
+            for (k, (i, v)) in there.chain(back).enumerate() {
+                let _ = write!(
+                    path,
+                    "{}{} {}",
+                    if k == 0 { 'M' } else { 'L' },
+                    px(x(self.axis.time[i])),
+                    px(y(v))
+                );
+            }
+            path.push('Z');
+        }
+        if !path.is_empty() {
+            let name = escape(&band.name);
+            let _ = write!(svg, r#"<path class="between {}" data-band="{name}" d="{path}"/>"#, band.class);
+        }
+    }
+
     /// A path that is broken where a value is missing; a lone sample becomes a dot.
     fn curve(
         &self,
@@ -482,6 +525,7 @@ mod tests {
             unit: "N",
             axis: &axis,
             lines: vec![line],
+            bands: Vec::new(),
             size: Size::Normal,
             scale: Scale::FromZero,
             right: None,

@@ -19,11 +19,11 @@ use serde::Serialize;
 use super::page::{document_with, label_table, section};
 pub use published::published;
 
+use coupling::comparison::Comparison;
+use coupling::comparison::compare::{MuscleForce, wanted};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::StepName;
 use coupling::steps::RigidMuscle;
-use coupling::study::Comparison;
-use coupling::study::compare::{MuscleForce, wanted};
 use coupling::two_way::Pass;
 
 /// Everything that the page shows. Borrowed: the page changes nothing.
@@ -77,7 +77,7 @@ pub struct OneWayRow {
     pub activation: f64,
     /// Force of the rigid leg \[N\].
     pub rigid: f64,
-    /// Section force without contact; `None` where not solved.
+    /// Section force; `None` where not solved.
     pub fe: Option<MuscleForce>,
 }
 
@@ -175,18 +175,7 @@ impl CompareReport<'_> {
 
     /// Why the run is not solved; empty where it is.
     pub fn shortcomings(&self) -> Vec<String> {
-        let mut reasons: Vec<String> = Vec::new();
-        let n_steps = self.comparison.steps.len();
-        for (c, result) in self.comparison.solutions.present() {
-            let which = c.name();
-            reasons.extend(result.run.errors.iter().map(|e| format!("{which}: {e}")));
-            if result.steps.len() < n_steps && result.run.errors.is_empty() {
-                reasons.push(format!("{which}: {} of {} steps", result.steps.len(), n_steps));
-            }
-            if c == Configuration::WithContact {
-                reasons.extend(result.intersections.iter().map(|i| format!("{which}: {i} intersect")));
-            }
-        }
+        let mut reasons = self.comparison.shortcomings();
         reasons.extend(self.unsettled.iter().cloned());
         reasons
     }

@@ -4,8 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use coupling::comparison::compare::{KeptSides, Solution};
 use coupling::configuration::Configuration;
-use coupling::study::compare::{KeptSides, Solution};
 
 /// Where the residual of a configuration is greatest, of all its solved frames and islands.
 #[derive(Clone, Debug, PartialEq, Serialize)]

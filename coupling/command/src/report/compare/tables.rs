@@ -6,8 +6,8 @@ use super::published::published;
 use super::{CARRIES, CompareReport, Row, step_words, words};
 use crate::report::page::{grid, list, section, table};
 use crate::report::svg::{escape, fixed, significant};
+use coupling::comparison::explain::explain;
 use coupling::configuration::Configuration;
-use coupling::study::explain::explain;
 
 /// Differences above this are marked and explained \[N\].
 const WORTH_EXPLAINING: f64 = 20.0;

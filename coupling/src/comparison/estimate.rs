@@ -8,9 +8,9 @@ use fem::plan::{LoadedIsland, Plan};
 use fem::solve::{Analysis, Pattern, Potential};
 use rayon::prelude::*;
 
+use crate::comparison::STAGES;
 use crate::configuration::{Configuration, PerConfiguration};
 use crate::scene::{Fibres, Scene};
-use crate::study::STAGES;
 use crate::thigh::build::Thigh;
 
 /// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured with the built-in walker at 12 and 6 mm, muscles spread fivefold.
@@ -99,7 +99,7 @@ impl Expected {
         self.stages.iter().map(|s| s.seconds).fold(RIGID_LEG + self.meshing, |sum, s| sum + s)
     }
 
-    /// Time of a stage of a study \[s\].
+    /// Time of a stage \[s\].
     pub fn of_stage(&self, name: &str) -> f64 {
         match name {
             _ if name == STAGES[0] => RIGID_LEG,

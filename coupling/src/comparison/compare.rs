@@ -19,7 +19,7 @@ use fem::solve::Settings;
 use mesher::Bone;
 use rayon::prelude::*;
 
-use crate::error::StudyError;
+use crate::error::CouplingError;
 use crate::fibres::thermal_calibration::CalibrationError;
 use crate::scene::{StepName, StressFree};
 use crate::steps::RigidStep;
@@ -129,11 +129,11 @@ pub enum CompareError {
     Output(#[from] fem::output::OutputError),
 }
 
-impl From<CompareError> for StudyError {
-    fn from(error: CompareError) -> StudyError {
+impl From<CompareError> for CouplingError {
+    fn from(error: CompareError) -> CouplingError {
         match error {
-            CompareError::Calibration(e) if e.is_verdict() => StudyError::NotConverged(e.to_string()),
-            bad => StudyError::Option(bad.to_string()),
+            CompareError::Calibration(e) if e.is_verdict() => CouplingError::NotConverged(e.to_string()),
+            bad => CouplingError::Option(bad.to_string()),
         }
     }
 }
@@ -302,7 +302,7 @@ pub fn muscle_force(plan: &Plan, frame: &Frame, muscle: &ThighMuscle) -> MuscleF
 #[cfg(test)]
 mod tests {
     use super::CompareError;
-    use crate::error::StudyError;
+    use crate::error::CouplingError;
     use crate::fibres::thermal_calibration::CalibrationError;
 
     #[test]
@@ -313,13 +313,13 @@ mod tests {
             reached: 1.0,
             contraction: 0.1,
         };
-        assert_eq!(StudyError::from(CompareError::from(weak)).exit_code(), 3);
+        assert_eq!(CouplingError::from(CompareError::from(weak)).exit_code(), 3);
         let bad = fem::plan::SceneError::Count {
             user: "fibre `x`".into(),
             quantity: "areas",
             found: 2,
             needed: "1".into(),
         };
-        assert_eq!(StudyError::from(CompareError::from(bad)).exit_code(), 2);
+        assert_eq!(CouplingError::from(CompareError::from(bad)).exit_code(), 2);
     }
 }

@@ -1,17 +1,20 @@
-//! The figures of `optimize`: knee, motion, loads, muscles, activations, other joints, quality.
+//! The figures of `optimize`: knee ([`knee`]), motion, loads, muscles, activations, other joints, quality.
+
+mod knee;
 
 use std::fmt::Write;
 
+use multibody::emg::{self, Compared};
 use multibody::sharing::KKT_TOLERANCE;
 use multibody::trial::{Status, Table, Verdict};
 
-use super::groups::grouped;
-use super::heatmap::{Block, Row, heatmap};
-use super::optimize::{View, words};
-use super::page::{grid, section, table};
-use super::plot::{Line, Plot, RightAxis, Scale, Size};
-use super::svg::{extent, fixed};
-use super::{STANCE_THRESHOLD, total_knee_force};
+use crate::report::STANCE_THRESHOLD;
+use crate::report::groups::grouped;
+use crate::report::heatmap::{Block, Row, heatmap};
+use crate::report::optimize::{View, words};
+use crate::report::page::{grid, section};
+use crate::report::plot::{Line, Plot, RightAxis, Scale, Size};
+use crate::report::svg::{extent, fixed};
 
 const COLOURS: [&str; 6] = ["c1", "c2", "c3", "c4", "c5", "c6"];
 
@@ -47,6 +50,7 @@ impl View<'_> {
             unit: axis[1],
             axis: &self.axis,
             lines,
+            bands: Vec::new(),
             size: Size::Normal,
             scale: Scale::FromZero,
             right: None,
@@ -59,94 +63,6 @@ impl View<'_> {
     fn force_plot<'b>(&'b self, title: impl Into<String>, lines: Vec<Line<'b>>) -> String {
         let right = Some(RightAxis { per_unit: self.report.body_weight(), unit: "body weights" });
         Plot { right, ..self.plot(title, ["force", "N"], lines) }.render()
-    }
-
-    pub(super) fn knee(&self) -> String {
-        let effort = self.report.effort;
-        let mut lines = Vec::new();
-        for name in ["medial", "lateral"] {
-            if let Some(values) = effort.reactions.column(&format!("knee_{name}")) {
-                lines.push(Line { name: name.into(), class: colour(name, 0), time: None, values });
-            }
-        }
-        if let Some(values) = total_knee_force(effort) {
-            lines.push(Line { name: "total".into(), class: "ink", time: None, values });
-        }
-        if lines.is_empty() {
-            return String::new();
-        }
-        let mut figures = vec![self.force_plot("Tibiofemoral contact", lines)];
-        let ligaments: Vec<usize> = self.reactions_on(Panel::Ligaments);
-        if !ligaments.is_empty() {
-            figures.push(self.reaction_plot(Panel::Ligaments, &ligaments));
-        }
-        let patella = self.reactions_on(Panel::Patella);
-        if !patella.is_empty() {
-            figures.push(self.reaction_plot(Panel::Patella, &patella));
-        }
-        section(
-            "Knee forces",
-            "Compression of the medial and lateral compartment and tension of the ligaments; a negative MCL stands in for the lateral ligament, which this knee lacks. Stance is shaded.",
-            &grid("normal", &figures),
-        )
-    }
-
-    pub(super) fn measured(&self) -> String {
-        let Some(overlay) = self.report.measured else { return String::new() };
-        let weight = self.report.body_weight();
-        let mut figures = Vec::new();
-        let mut rows = Vec::new();
-        for (name, curve) in overlay.curves() {
-            // On all frames of the axis: a curve over the compared ones alone would bridge what lies between.
-            let on_axis = |values: &[f64]| {
-                let at = |t: &f64| overlay.time.iter().position(|compared| compared == t);
-                self.axis.time.iter().map(|t| at(t).map_or(f64::NAN, |i| values[i])).collect()
-            };
-            let line = |what: &str, class, values: &[f64]| Line {
-                name: what.into(),
-                class,
-                time: None,
-                values: on_axis(values),
-            };
-            let lines = vec![
-                line("model", colour(name, 0), &curve.model),
-                line("measured", "measured", &curve.measured),
-            ];
-            let right = Some(RightAxis { per_unit: weight, unit: "body weights" });
-            let plot = Plot { right, gap: "not compared", ..self.plot(capital(name), ["force", "N"], lines) };
-            figures.push(plot.render());
-            let a = &curve.agreement;
-            let optional = |v: Option<f64>| v.map_or("–".into(), |v| fixed(v, 2));
-            let both = |n: f64| format!("{} ({})", fixed(n, 0), fixed(n / weight, 2));
-            rows.push(vec![
-                capital(name),
-                both(a.rmse_N),
-                optional(a.determination),
-                optional(a.squared_correlation),
-                both(a.peak_measured_N),
-                both(a.peak_model_N),
-                both(a.peak_error_N),
-                both(a.largest_error_N),
-            ]);
-        }
-        let header = [
-            "",
-            "RMSE, N (BW)",
-            "1 − SSE/SST",
-            "squared correlation",
-            "measured peak, N (BW)",
-            "model peak, N (BW)",
-            "peak error, N (BW)",
-            "largest error, N (BW)",
-        ];
-        let lead = format!(
-            "Instrumented knee, interpolated linearly; all numbers are over {} of {} frames, the others have no solution or no measurement. Two numbers are called R²: 1 − SSE/SST counts an offset \
-             and a wrong scale against the model, and is negative where the mean of the measurement would do better; the squared correlation ignores both.",
-            overlay.time.len(),
-            overlay.time.len() + overlay.frames_left_out
-        );
-        let content = format!("{}\n{}", grid("normal", &figures), table(&header, 1, &rows));
-        section("Measured knee forces", &lead, &content)
     }
 
     /// One figure per joint from a table whose columns are named `joint_coordinate`.
@@ -315,6 +231,40 @@ impl View<'_> {
         )
     }
 
+    /// Envelopes beside forces, each as a fraction of its largest value.
+    pub(super) fn emg(&self) -> String {
+        let Some(compared) = self.report.emg else { return String::new() };
+        let figure = |c: &Compared| {
+            let line = |name: &str, class, values: &[f64]| Line {
+                name: name.into(),
+                class,
+                time: None,
+                values: values.to_vec(),
+            };
+            let note = match (c.defect, c.concordance) {
+                (Some(defect), _) => defect.words().to_string(),
+                (None, Some(part)) => format!("{} %", fixed(100.0 * part, 0)),
+                (None, None) => "no solution".into(),
+            };
+            let lines = vec![line("EMG", "measured", &c.envelope), line("force", "c1", &c.force)];
+            Plot {
+                note,
+                size: Size::Small,
+                bound: Some((emg::ON, "on")),
+                ..self.plot(c.channel.clone(), ["part of the largest", ""], lines)
+            }
+            .render()
+        };
+        let mean = emg::overall(compared).map_or("–".into(), |part| fixed(100.0 * part, 0));
+        let lead = format!(
+            "Grey: envelope of the electromyogram (20 to 400 Hz, rectified, 6 Hz, delayed), blue: force of its muscles, each as a part of its largest value. \
+             Beside the name: fraction of frames in which both are on or both off, above and below the dashed line; in the mean of the channels without \
+             defect {mean} %."
+        );
+        let figures: Vec<String> = compared.iter().map(figure).collect();
+        section("Electromyography", &lead, &grid("small", &figures))
+    }
+
     fn reactions_on(&self, panel: Panel) -> Vec<usize> {
         let columns = &self.report.effort.reactions.columns;
         (0..columns.len()).filter(|&j| Panel::of(&columns[j]) == panel).collect()
@@ -404,6 +354,7 @@ impl Panel {
         match name {
             "knee_medial" | "knee_lateral" => Panel::Knee,
             "acl" | "pcl" | "mcl" => Panel::Ligaments,
+            _ if name.starts_with("knee_shear") => Panel::Ligaments,
             "tibiocalcaneal" | "calcaneofibular" => Panel::AnkleLigaments,
             _ if name.contains("axial") || name.contains("bone") => Panel::Bones,
             _ if name.starts_with("patell") => Panel::Patella,
@@ -416,7 +367,7 @@ impl Panel {
     fn title(self) -> &'static str {
         match self {
             Panel::Knee => "Tibiofemoral contact",
-            Panel::Ligaments => "Knee ligaments",
+            Panel::Ligaments => "Knee ligaments and shear",
             Panel::Patella => "Patella, contact and tendon",
             Panel::Hip => "Hip contact",
             Panel::Ankle => "Ankle contact",
