@@ -1,10 +1,12 @@
 //! Bodies whose poses are unknowns: are they where an independent calculation puts them, and is refused what cannot be?
 
+#![allow(non_snake_case)]
+
 use fem::body::Wrench;
 use fem::measure::{FreeBodyState, free_bodies, pair_forces};
 use fem::mesh::{CellBlock, CellKind, Mesh, generate};
 use fem::plan::{LoadedIsland, Plan};
-use fem::run::{Drive, Run, run};
+use fem::run::{Drive, DriveFrame, Run, run};
 use fem::scene::{
     BodyForceSpec, ContactMode, ContactSpec, Coordinate, FreeBodySpec, InertiaSpec, PrescribedSpec, Scene,
     StrandSpec, TieSpec,
@@ -34,6 +36,8 @@ struct Force {
 }
 
 const TOE: f64 = 0.03;
+/// Loads come in so many parts, so that both calculations follow one path.
+const PARTS: usize = 10;
 
 /// Eight strands, taut in the mesh, from points within 20 mm of (0.4, -0.3, 0.2) m to points 30 to 80 mm farther out, and two forces.
 fn random_body(seed: u64) -> (Vec<Strand>, [Force; 2]) {
@@ -43,7 +47,8 @@ fn random_body(seed: u64) -> (Vec<Strand>, [Force; 2]) {
         // One per octant, so that strands pull all ways.
         let sign = |c: usize| if i >> c & 1 == 1 { 1.0 } else { -1.0 };
         let out = Vector3::from_fn(|c, _| sign(c) * random.between(0.2, 1.0));
-        let near = Vector3::from_fn(|_, _| 0.02 * random.uniform());
+        // On its own side, or turning the body would slacken it.
+        let near = Vector3::from_fn(|c, _| sign(c) * random.between(0.0, 0.02));
         let far = near + out.normalize() * random.between(0.03, 0.08);
         Strand {
             ends: [centre + near, centre + far].map(Into::into),
@@ -54,7 +59,9 @@ fn random_body(seed: u64) -> (Vec<Strand>, [Force; 2]) {
     let strands = strands.collect();
     let force = |random: &mut Random, follows| Force {
         point: (centre + Vector3::from_fn(|_, _| 0.03 * random.uniform())).into(),
-        force: std::array::from_fn(|_| 30.0 * random.uniform()),
+        // One that turns with the body is no stronger than what holds it: there the iteration, which sees the symmetric part of its
+        // stiffness alone, no longer converges.
+        force: std::array::from_fn(|_| if follows { 10.0 } else { 30.0 } * random.uniform()),
         follows,
     };
     (strands, [force(&mut random, false), force(&mut random, true)])
@@ -93,30 +100,49 @@ fn held(set: &str) -> PrescribedSpec {
 
 fn solve(scene: &Scene, mesh: &Mesh) -> (Plan, Run) {
     let plan = Plan::new(scene, mesh.clone()).unwrap_or_else(|e| panic!("{e}"));
-    let controls: Vec<(&str, f64)> = plan.controls.iter().map(|c| (c.as_str(), 1.0)).collect();
-    let drive = Drive::once(plan.load(&controls, &[]).unwrap());
+    let load = |part: f64| {
+        let controls: Vec<(&str, f64)> = plan.controls.iter().map(|c| (c.as_str(), part)).collect();
+        plan.load(&controls, &[]).unwrap()
+    };
+    let frame = |k: usize| DriveFrame { time: k as f64, load: load(k as f64 / PARTS as f64) };
+    let drive = Drive { frames: (1..=PARTS).map(frame).collect() };
     let run = run(&plan, &drive, &Settings::default(), None, &mut |_| {});
     (plan, run)
 }
 
-fn solved(scene: &Scene, mesh: &Mesh) -> (Plan, FreeBodyState) {
+fn solved(scene: &Scene, mesh: &Mesh) -> (Plan, FreeBodyState, Vec<f64>) {
     let (plan, run) = solve(scene, mesh);
+    if std::env::var_os("TALK").is_some() {
+        for i in &run.iterations { println!("{} {} load {} res {:.2e} E {:.8e} len {:.2e} fac {} proj {}", i.step, i.iteration, i.load, i.residual, i.energy, i.step_length, i.factorizations, i.projected); }
+    }
     assert!(run.is_solved(), "{}", run.errors[0]);
-    let state = free_bodies(&plan, run.last().unwrap().snapshot()).remove(0);
-    (plan, state)
+    let frame = run.last().unwrap();
+    let state = free_bodies(&plan, frame.snapshot()).remove(0);
+    (plan, state, frame.x.clone())
 }
 
 /// Force and moment about the place of `origin` on a rigid body in a pose, written down anew: Blankevoort's strands, and forces.
 fn wrench(strands: &[Strand], forces: &[Force], origin: Point3<f64>, pose: &Isometry3<f64>) -> Vector6<f64> {
+    let near: Vec<Point3<f64>> = strands.iter().map(|s| pose * Point3::from(s.ends[0])).collect();
+    wrench_at(strands, &near, forces, origin, pose)
+}
+
+/// The same with the ends of the strands anywhere: a body of bone gives by some nanometres, and a strand has 1e6 N/m.
+fn wrench_at(
+    strands: &[Strand],
+    near: &[Point3<f64>],
+    forces: &[Force],
+    origin: Point3<f64>,
+    pose: &Isometry3<f64>,
+) -> Vector6<f64> {
     let mut sum = Vector6::zeros();
     let mut add = |at: Point3<f64>, f: Vector3<f64>| {
         let moment = (at - pose * origin).cross(&f);
         sum += Vector6::new(f.x, f.y, f.z, moment.x, moment.y, moment.z);
     };
-    for strand in strands {
+    for (strand, &at) in strands.iter().zip(near) {
         let [near, far] = strand.ends.map(Point3::from);
         let slack = (far - near).norm() / (1.0 + strand.strain);
-        let at = pose * near;
         let strain = (far - at).norm() / slack - 1.0;
         let tension = match strain {
             e if e <= 0.0 => 0.0,
@@ -141,10 +167,10 @@ fn rigid_equilibrium(strands: &[Strand], forces: &[Force], origin: Point3<f64>) 
         Isometry3::from_parts(Translation3::from(place - rotation * origin), rotation)
     };
     let mut pose = Isometry3::identity();
-    for part in 1..=10 {
+    for part in 1..=PARTS {
         let load: Vec<Force> = forces
             .iter()
-            .map(|f| Force { force: f.force.map(|v| v * 0.1 * f64::from(part)), ..*f })
+            .map(|f| Force { force: f.force.map(|v| v * part as f64 / PARTS as f64), ..*f })
             .collect();
         for _ in 0..50 {
             let left = wrench(strands, &load, origin, &pose);
@@ -173,15 +199,18 @@ fn a_hundred_random_bodies_stand_where_six_rigid_equations_put_them() {
     for seed in 0..100 {
         let (strands, forces) = random_body(seed);
         let (scene, mesh) = scene(&strands, &forces);
-        let (plan, state) = solved(&scene, &mesh);
+        let (plan, state, x) = solved(&scene, &mesh);
         let origin = Point3::from(plan.free_bodies[0].origin);
-        let left = wrench(&strands, &forces, origin, &state.pose);
+        let near: Vec<Point3<f64>> =
+            (0..strands.len()).map(|s| Point3::from_slice(&x[6 * s..6 * s + 3])).collect();
+        let left = wrench_at(&strands, &near, &forces, origin, &state.pose);
         let (force, moment) = (left.fixed_rows::<3>(0).norm(), left.fixed_rows::<3>(3).norm());
         assert!(force < FORCE && moment < MOMENT, "seed {seed}: {force:.1e} N and {moment:.1e} N m are left");
         let known = rigid_equilibrium(&strands, &forces, origin);
         let apart = (known * origin - state.pose * origin).norm();
         let angle = known.rotation.angle_to(&state.pose.rotation);
         // A body of bone gives by a millionth.
+        if std::env::var_os("TALK").is_some() { println!("seed {seed} {apart:.1e} {angle:.1e} turned {:.2} rigid left {:.1e}", state.pose.rotation.angle(), wrench(&strands, &forces, origin, &known).norm()); continue }
         assert!(apart < 1e-6 && angle < 1e-4, "seed {seed}: {apart:.1e} m and {angle:.1e} rad apart");
         assert!(state.strain < 1e-5, "seed {seed}: strain {:.1e}", state.strain);
         turned = turned.max(state.pose.rotation.angle());
@@ -203,7 +232,7 @@ fn what_is_held_stays_and_the_rest_is_in_equilibrium() {
     for subset in 1..63_u32 {
         let (mut scene, mesh) = scene(&strands, &forces[..1]);
         scene.free_bodies[0].held = (0..6).filter(|c| subset >> c & 1 == 1).map(|c| all[c]).collect();
-        let (plan, state) = solved(&scene, &mesh);
+        let (plan, state, _) = solved(&scene, &mesh);
         let origin = Point3::from(plan.free_bodies[0].origin);
         let shift = state.pose * origin - origin;
         let R = state.pose.rotation.to_rotation_matrix().into_inner();
@@ -270,12 +299,24 @@ fn a_body_that_nothing_holds_is_refused_with_its_free_directions() {
             parts[0].directions.clone()
         })
     };
-    // One strand holds one direction: five are free.
+    // A taut strand holds its end, about which the body turns.
     let said = refused(&strands[..1], &[]).expect("one strand is no support");
-    assert_eq!(said.len(), 5, "{said:?}");
+    assert!(said.len() == 3 && said.iter().all(|d| d.starts_with("rotation about")), "{said:?}");
     let turns = [Coordinate::TurnX, Coordinate::TurnY, Coordinate::TurnZ];
-    let said = refused(&strands[..1], &turns).expect("one strand is no support");
-    assert!(!said.is_empty() && said.iter().all(|d| d.starts_with("translation along")), "{said:?}");
+    for (held, free) in [(&turns[..1], 2), (&turns[..2], 1), (&turns[1..], 1)] {
+        assert_eq!(refused(&strands[..1], held).map(|said| said.len()), Some(free), "{held:?} held");
+    }
+    assert_eq!(refused(&strands[..1], &turns), None);
+    // A slack one holds nothing.
+    let slack = [Strand { strain: -0.1, ..strands[0] }];
+    assert_eq!(refused(&slack, &[]).map(|said| said.len()), Some(6));
+    let places = [Coordinate::X, Coordinate::Y, Coordinate::Z];
+    for (held, of) in [(turns, "translation along"), (places, "rotation about")] {
+        let said = refused(&slack, &held).expect("a slack strand is no support");
+        assert!(said.len() == 3 && said.iter().all(|d| d.starts_with(of)), "{said:?}");
+    }
+    let said = refused(&slack, &[Coordinate::X, Coordinate::TurnX, Coordinate::TurnY, Coordinate::TurnZ]);
+    assert_eq!(said.unwrap(), ["translation along y", "translation along z"]);
     assert_eq!(refused(&strands, &[]), None);
 }
 
@@ -288,7 +329,7 @@ fn contact_carries_a_free_body() {
     mesh.blocks[0].name = "cube".to_string();
     mesh.node_sets = [("cube".to_string(), (0..n).collect())].into();
     mesh.surfaces.clear();
-    mesh.points.extend(plate.points.iter().map(|p| [p[0] - 0.01, p[1] - 0.01, p[2] - 0.01 + 1e-6]));
+    mesh.points.extend(plate.points.iter().map(|p| [p[0] - 0.011, p[1] - 0.009, p[2] - 0.01 + 1e-6]));
     let nodes = plate.blocks[0].nodes.iter().map(|m| m + n).collect();
     mesh.blocks.push(CellBlock { name: "plate".to_string(), kind: CellKind::Hex8, nodes });
     mesh.node_sets.insert("plate".to_string(), (n..mesh.points.len() as u32).collect());
@@ -306,6 +347,11 @@ fn contact_carries_a_free_body() {
     assert!(said.contains("`cube` and `plate`: both are rigid") && said.contains("stiffness"), "{said}");
     scene.contact = Some(ContactSpec { stiffness: Some(1e6), distance: 1e-4, ..contact });
     let (plan, run) = solve(&scene, &mesh);
+    if std::env::var_os("TALK").is_some() {
+        println!("{:?}", plan.repair);
+        for f in &run.frames { println!("{:?}", free_bodies(&plan, f.snapshot())[0].pose); }
+        for i in &run.iterations { println!("{} {} load {} res {:.2e} E {:.8e} len {:.2e} fac {} proj {}", i.step, i.iteration, i.load, i.residual, i.energy, i.step_length, i.factorizations, i.projected); }
+    }
     assert!(run.is_solved(), "{}", run.errors[0]);
     let at = run.last().unwrap().snapshot();
     let carried = pair_forces(&plan, at, [0.01, 0.01, 0.0]).remove(0);

@@ -24,6 +24,14 @@ const OF_A_POINT: f64 = 0.01;
 /// Volume of a cube of edge 2 s over that of the cell over the frame, s³/6.
 const CUBE: f64 = 48.0;
 
+/// Entries of R = Rz Rx Ry that vanish with the angle about z, x and y.
+const TURNS: [(Coordinate, (usize, usize)); 3] =
+    [(Coordinate::TurnZ, (0, 1)), (Coordinate::TurnX, (2, 1)), (Coordinate::TurnY, (2, 0))];
+/// Turns in which they are brought back at most; three reach round-off from 30 degrees.
+const MAX_TURNS: usize = 5;
+/// Slope below which an entry does not change with a turn.
+const LEAST_SLOPE: f64 = 1e-6;
+
 /// A body whose pose is an unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeBody {
@@ -35,6 +43,8 @@ pub struct FreeBody {
     pub origin: [f64; 3],
     /// Distance \[m\] of the other three from it.
     pub size: f64,
+    /// Coordinates that are held.
+    pub held: Vec<Coordinate>,
 }
 
 impl FreeBody {
@@ -45,38 +55,77 @@ impl FreeBody {
         [(o, 1.0 - a - b - c), (x, a), (y, b), (z, c)]
     }
 
-    /// A, with the nodes of the mesh at `x` \[m\], 3 per node.
-    fn map(&self, x: &[f64]) -> Matrix3<f64> {
+    /// Its origin and A, with the nodes of the mesh at `x` \[m\], 3 per node.
+    fn map(&self, x: &[f64]) -> (Vector3<f64>, Matrix3<f64>) {
         let [o, a, b, c] = self.frame.map(|n| Vector3::from_column_slice(&x[3 * n as usize..][..3]));
-        Matrix3::from_columns(&[a - o, b - o, c - o]) / self.size
+        (o, Matrix3::from_columns(&[a - o, b - o, c - o]) / self.size)
+    }
+
+    /// Places \[m\] of its frame when it comes from `from` near `to` and turns by what `to` would shear it: A goes to exp(ω) (A + dA − ω A),
+    /// ω the skew part of dA A⁻¹, and not to A + dA, which would stretch it by ω²/2. Held angles stay.
+    pub(super) fn turned(&self, from: &[f64], to: &[f64]) -> [Vector3<f64>; 4] {
+        let ((_, before), (origin, straight)) = (self.map(from), self.map(to));
+        let step = straight - before;
+        let rate = before.try_inverse().map_or(Matrix3::zeros(), |inverse| step * inverse);
+        let skew = 0.5 * (rate - rate.transpose());
+        let turn = Rotation3::new(Vector3::new(skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]));
+        let A = self.with_held_entries(turn * (straight - skew * before), &straight);
+        [0, 1, 2, 3].map(|n| if n == 0 { origin } else { origin + self.size * A.column(n - 1) })
+    }
+
+    /// A turned a little, so that its entries that are held with angles are those of `straight` again.
+    fn with_held_entries(&self, mut A: Matrix3<f64>, straight: &Matrix3<f64>) -> Matrix3<f64> {
+        let held: Vec<(usize, usize)> =
+            TURNS.iter().filter(|t| self.held.contains(&t.0)).map(|t| t.1).collect();
+        if held.is_empty() {
+            return A;
+        }
+        for _ in 0..MAX_TURNS {
+            let (mut off, mut slopes) = (Vector3::zeros(), Matrix3::zeros());
+            for (i, &(r, c)) in held.iter().enumerate() {
+                off[i] = straight[(r, c)] - A[(r, c)];
+                let column: Vector3<f64> = A.column(c).into();
+                (0..3).for_each(|axis| slopes[(i, axis)] = Vector3::ith(axis, 1.0).cross(&column)[r]);
+            }
+            if off.amax() <= f64::EPSILON {
+                break;
+            }
+            let Ok(inverse) = slopes.pseudo_inverse(LEAST_SLOPE) else { break };
+            A = Rotation3::new(inverse * off) * A;
+        }
+        A
     }
 
     /// Its pose with the nodes of the mesh at `x` \[m\], 3 per node; the rotation is the one nearest to A.
     pub fn pose(&self, x: &[f64]) -> Pose {
-        let svd = self.map(x).svd(true, true);
-        let R = svd.u.expect("asked for") * svd.v_t.expect("asked for");
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R));
-        let origin = Vector3::from_column_slice(&x[3 * self.frame[0] as usize..][..3]);
+        let (origin, A) = self.map(x);
+        let R = Rotation3::from_matrix_unchecked(nearest_rotation(&A));
+        let rotation = UnitQuaternion::from_rotation_matrix(&R);
         Pose::from_parts((origin - rotation * Vector3::from(self.origin)).into(), rotation)
     }
 
     /// Greatest strain of its frame: so far is it from rigid.
     pub fn strain(&self, x: &[f64]) -> f64 {
-        self.map(x).singular_values().iter().map(|s| (s - 1.0).abs()).fold(0.0, f64::max)
+        self.map(x).1.singular_values().iter().map(|s| (s - 1.0).abs()).fold(0.0, f64::max)
     }
 
     /// What is held of its frame: node, component, and the node whose displacement it takes over.
-    pub(super) fn holds(&self, held: &[Coordinate]) -> Vec<(u32, usize, Motion)> {
+    pub(super) fn holds(&self) -> Vec<(u32, usize, Motion)> {
         let [o, x, y, _] = self.frame;
-        let is_held = |c: Coordinate| held.contains(&c);
+        let is_held = |c: Coordinate| self.held.contains(&c);
         let places = [Coordinate::X, Coordinate::Y, Coordinate::Z];
-        // Of R = Rz Rx Ry these entries vanish with the angle about z, x and y.
-        let turns = [(Coordinate::TurnZ, y, 0), (Coordinate::TurnX, y, 2), (Coordinate::TurnY, x, 2)];
         let along = |c: usize| if is_held(places[c]) { Motion::Held } else { Motion::Follows(o) };
         let shifts = (0..3).filter(|&c| is_held(places[c])).map(|c| (o, c, Motion::Held));
-        let turned = turns.into_iter().filter(|t| is_held(t.0)).map(|(_, n, c)| (n, c, along(c)));
+        let turned = TURNS.iter().filter(|t| is_held(t.0));
+        let turned = turned.map(|&(_, (r, c))| (if c == 0 { x } else { y }, r, along(r)));
         shifts.chain(turned).collect()
     }
+}
+
+/// U Vᵀ of A = U Σ Vᵀ.
+fn nearest_rotation(A: &Matrix3<f64>) -> Matrix3<f64> {
+    let svd = A.svd(true, true);
+    svd.u.expect("asked for") * svd.v_t.expect("asked for")
 }
 
 /// Block of the mesh that holds the cell of a free body.
@@ -134,7 +183,7 @@ fn add_one(spec: &FreeBodySpec, scene: &mut Scene, mesh: &mut Mesh) -> Result<Fr
     mesh.blocks.push(CellBlock { name: name.clone(), kind: CellKind::Tet4, nodes: frame.to_vec() });
     let law = LawSpec::StVenantKirchhoff { young: spec.young, nu: 0.0 };
     scene.solids.push(SolidSpec { density: 0.0, scale: vec![CUBE], ..SolidSpec::new(&name, law) });
-    Ok(FreeBody { name: spec.body.clone(), frame, origin: origin.into(), size })
+    Ok(FreeBody { name: spec.body.clone(), frame, origin: origin.into(), size, held: spec.held.clone() })
 }
 
 /// The term of a force on a free body, over its frame.

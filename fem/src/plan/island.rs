@@ -6,6 +6,7 @@
 
 #![allow(non_snake_case)]
 
+use super::free::FreeBody;
 use super::load::{Load, Mean, Motion};
 use super::predictor::KinematicPredictor;
 use super::slide::Slide;
@@ -35,6 +36,8 @@ pub struct Island {
     pub(super) slides: BTreeMap<u32, Slide>,
     /// Local nodes that are fixed means of others, with these.
     pub(super) means: BTreeMap<u32, Mean>,
+    /// Bodies whose poses are unknowns, over local nodes.
+    pub(super) bodies: Vec<FreeBody>,
     /// What may touch, over local nodes; absent where nothing can.
     pub contact: Option<Arc<Contact>>,
     /// Centre of the nodes tied to each body of the plan \[m\].
@@ -130,6 +133,7 @@ impl Island {
             motion,
             slides,
             means,
+            bodies: Vec::new(),
             contact: None,
             pivots,
             predictor: OnceLock::new(),

@@ -242,6 +242,42 @@ impl Potential for LoadedIsland {
         scale.max(norm(&total))
     }
 
+    fn followers(&self) -> Vec<[usize; 2]> {
+        let island = &self.island;
+        let mut all = Vec::new();
+        for (free, &n) in island.free_nodes.iter().enumerate() {
+            for c in 0..3 {
+                if let Motion::Follows(leader) = island.motion[n as usize][c]
+                    && let Some(leader) = island.free_index(leader)
+                {
+                    all.push([3 * free + c, 3 * leader + c]);
+                }
+            }
+        }
+        all
+    }
+
+    fn go(&self, x: &[f64], dx: &[f64], length: f64, out: &mut [f64]) {
+        for i in 0..x.len() {
+            out[i] = x[i] + length * dx[i];
+        }
+        if self.island.bodies.is_empty() {
+            return;
+        }
+        let (from, to) = (self.expand(x), self.expand(out));
+        for body in &self.island.bodies {
+            for (&n, place) in body.frame.iter().zip(body.turned(&from, &to)) {
+                if let Some(free) = self.island.free_index(n) {
+                    out[3 * free..3 * free + 3].copy_from_slice(place.as_slice());
+                }
+            }
+        }
+    }
+
+    fn is_curved(&self) -> bool {
+        !self.island.bodies.is_empty()
+    }
+
     fn holds_free_bodies(&self) -> bool {
         self.terms.iter().any(|term| term.holds_free_bodies())
     }

@@ -566,8 +566,10 @@ fn island(
     let contact = contact.and_then(|(plan, members)| {
         plan.on_island(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
     });
+    let bodies = free.iter().filter(|body| nodes.binary_search(&body.frame[0]).is_ok());
+    let bodies = bodies.map(|body| FreeBody { frame: body.frame.map(local), ..body.clone() }).collect();
     let mut island =
         Island::new(name, nodes, X, effects, cells, motion, sliding, means, pivots.clone(), n_controls);
-    island.contact = contact.map(Arc::new);
+    (island.bodies, island.contact) = (bodies, contact.map(Arc::new));
     Ok(island)
 }

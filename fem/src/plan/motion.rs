@@ -31,10 +31,8 @@ pub fn motions(
     for spec in &scene.ties {
         mistakes.keep(table.tie(spec, mesh, free, names));
     }
-    for (body, spec) in free.iter().zip(&scene.free_bodies) {
-        for (node, c, motion) in body.holds(&spec.held) {
-            table.motion[node as usize][c] = motion;
-        }
+    for (node, c, motion) in free.iter().flat_map(FreeBody::holds) {
+        table.motion[node as usize][c] = motion;
     }
     for spec in &scene.planes {
         mistakes.keep(table.plane(spec, mesh));
