@@ -127,10 +127,7 @@ fn malformed(file: &Path, problem: String, remedy: &str) -> InputError {
 }
 
 /// Frames and springs of a model.
-fn parse(
-    text: &str,
-    file: &Path,
-) -> Result<(BTreeMap<Bone, Isometry3<f64>>, Vec<Spring>), CouplingError> {
+fn parse(text: &str, file: &Path) -> Result<(BTreeMap<Bone, Isometry3<f64>>, Vec<Spring>), CouplingError> {
     let model: ModelFile = serde_json::from_str(text).map_err(|e| {
         let problem = format!("line {}: {e}", e.line());
         malformed(file, problem, "it holds `body_to_limb` and `ligaments` as in the folder of the knee")
@@ -153,7 +150,9 @@ fn parse(
         }
     }
     if !problems.is_empty() {
-        return Err(malformed(file, problems.join("; "), "give the frames of femur, tibia and patella").into());
+        return Err(
+            malformed(file, problems.join("; "), "give the frames of femur, tibia and patella").into()
+        );
     }
     let end = |p: &PointRow| {
         let bone = Bone::ALL.into_iter().find(|b| b.body() == p.body)?;

@@ -115,7 +115,11 @@ impl TibiaPath {
         if problems.is_empty() {
             return Ok(TibiaPath { rows: rows.into_iter().map(|(_, c)| c).collect() });
         }
-        Err(malformed(file, problems, "give poses in the order of flexion, close enough to follow each other"))
+        Err(malformed(
+            file,
+            problems,
+            "give poses in the order of flexion, close enough to follow each other",
+        ))
     }
 
     /// Least and greatest flexion \[degrees\].

@@ -1,5 +1,7 @@
 //! The patella in equilibrium on a rigid femur: cartilage on cartilage, ligament and retinacula as strands, quadriceps as a force.
 
+use std::collections::BTreeMap;
+
 use fem::body::Pose;
 use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::{CellBlock, CellKind, Mesh};
@@ -23,6 +25,8 @@ pub const PATELLAR_CARTILAGE: &str = "patellar_cartilage";
 /// Control of the force of the quadriceps: its size \[N\].
 pub const QUADRICEPS: &str = "quadriceps_n";
 
+/// Thickness \[m\] of cartilage at its rim: there the sheet goes on down to the bone, or what comes over the rim would lose its support at once.
+const RIM: f64 = 2.2e-3;
 /// Half the strain at which the toe of a strand ends: linear from 0.06 on (the study of the deep knee).
 const TOE: f64 = 0.03;
 /// Young's modulus \[Pa\] and Poisson's ratio of cartilage: Smith, Brandon & Thelen, J Biomech 82:123 (2019), as the knee that the surfaces
@@ -42,8 +46,10 @@ const BASE: f64 = 3e-3;
 /// Strands of one structure.
 struct Structure {
     name: &'static str,
-    /// Springs of the model whose ends it takes, from lateral to medial (ligament) or from above (retinacula), put together by `parts`.
+    /// Per strand the springs of the model whose ends at the patella it takes, from lateral to medial (ligament) or from above (retinacula).
     springs: &'static [&'static [&'static str]],
+    /// Springs whose ends at the femur it takes; none: the other ends of those at the patella.
+    far: &'static [&'static str],
     /// Of all its strands together \[N/m\].
     stiffness: f64,
     /// In the reference pose of the knee.
@@ -56,30 +62,35 @@ const STRUCTURES: [Structure; 5] = [
     Structure {
         name: "patellar_ligament_lateral",
         springs: &[&["PT1"], &["PT5"]],
+        far: &[],
         stiffness: 173e3,
         strain: 0.02,
     },
     Structure {
         name: "patellar_ligament_central",
         springs: &[&["PT3"], &["PT3", "PT4"], &["PT4"]],
+        far: &[],
         stiffness: 278e3,
         strain: 0.02,
     },
     Structure {
         name: "patellar_ligament_medial",
         springs: &[&["PT6"], &["PT2"]],
+        far: &[],
         stiffness: 201e3,
         strain: 0.02,
     },
     Structure {
         name: "retinaculum_lateral",
         springs: &[&["lPFL1", "lPFL7", "lPFL5"], &["lPFL4", "lPFL3"], &["lPFL8", "lPFL6", "lPFL2"]],
+        far: &["LCL1", "LCL2", "LCL3", "LCL4"],
         stiffness: 97e3,
         strain: 0.01,
     },
     Structure {
         name: "retinaculum_medial",
         springs: &[&["mPFL1", "mPFL5", "mPFL4"], &["mPFL3", "mPFL6", "mPFL2"]],
+        far: &[],
         stiffness: 31e3,
         strain: 0.01,
     },
@@ -159,15 +170,21 @@ impl RigidKnee {
             triangles: surface.triangles.clone(),
         };
         let mut draft = Draft::default();
-        draft.surface(FEMORAL_CARTILAGE, &anatomy.femoral_cartilage, set(Bone::Femur));
-        draft.surface(PATELLAR_CARTILAGE, &moved(&anatomy.patellar_cartilage), PATELLA);
+        let patellar = moved(&anatomy.patellar_cartilage);
+        draft.surface(FEMORAL_CARTILAGE, &with_wall(&anatomy.femoral_cartilage), set(Bone::Femur));
+        draft.surface(PATELLAR_CARTILAGE, &with_wall(&patellar), PATELLA);
         let mut strands = Vec::new();
         for structure in &STRUCTURES {
             for (i, springs) in structure.springs.iter().enumerate() {
                 let name = format!("{}_{}", structure.name, i + 1);
-                let ends = ends(anatomy, springs);
+                let lateral = structure.name == "retinaculum_lateral";
+                let far = if lateral && std::env::var_os("EPI").is_none() { &[][..] } else { structure.far };
+                let ends = ends(anatomy, far, springs);
                 let slack = (ends[1].1 - ends[0].1).norm() / (1.0 + structure.strain);
-                let share = structure.stiffness / structure.springs.len() as f64;
+                let mut share = structure.stiffness / structure.springs.len() as f64;
+                if lateral {
+                    share *= std::env::var("KLAT").map_or(1.0, |k| k.parse::<f64>().unwrap() / 97.0);
+                }
                 add_strand(&mut draft, &name, ends, lift, slack, share * slack);
                 strands.push((name, slack));
             }
@@ -188,7 +205,7 @@ impl RigidKnee {
             body: PATELLA.to_string(),
             point: (base + lift).into(),
             force: (femur.rotation * pull(&(femur.inverse() * base))).into(),
-            follows: false,
+            follows: std::env::var_os("FOLLOW").is_some(),
             control: QUADRICEPS.to_string(),
         });
         scene.contact = Some(contact(mode));
@@ -210,29 +227,67 @@ impl RigidKnee {
     }
 }
 
+/// A sheet with a wall along its rim, down into the bone.
+fn with_wall(sheet: &Surface) -> Surface {
+    let mut normals = vec![Vector3::zeros(); sheet.points.len()];
+    let mut sides = BTreeMap::<[u32; 2], usize>::new();
+    for (t, corners) in sheet.triangles.iter().enumerate() {
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            normals[a as usize] += sheet.area_vector(t);
+            *sides.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let mut walled = sheet.clone();
+    let mut below = BTreeMap::<u32, u32>::new();
+    for corners in &sheet.triangles {
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            if sides[&[a.min(b), a.max(b)]] == 2 {
+                continue;
+            }
+            let [c, d] = [a, b].map(|n| {
+                *below.entry(n).or_insert_with(|| {
+                    let at = Vector3::from(sheet.points[n as usize]) - RIM * normals[n as usize].normalize();
+                    walled.points.push(at.into());
+                    walled.points.len() as u32 - 1
+                })
+            });
+            walled.triangles.extend([[b, a, c], [b, c, d]]);
+        }
+    }
+    walled
+}
+
 /// How far forward the patella has to go so that nothing touches \[m\].
 fn lift(anatomy: &KneeAnatomy, forward: Vector3<f64>) -> Option<f64> {
-    let femur = SearchSurface::new(anatomy.femoral_cartilage.clone());
-    let mut patella = SearchSurface::new(anatomy.patellar_cartilage.clone());
-    let first = anatomy.patellar_cartilage.points.clone();
+    let femur = SearchSurface::new(with_wall(&anatomy.femoral_cartilage));
+    let mut patella = SearchSurface::new(with_wall(&anatomy.patellar_cartilage));
+    let first = patella.surface().points.clone();
     (0..=(FARTHEST / STRIDE) as usize).map(|k| k as f64 * STRIDE).find(|by| {
-        let points: Vec<[f64; 3]> = first.iter().map(|p| (Vector3::from(*p) + forward * *by).into()).collect();
+        let points: Vec<[f64; 3]> =
+            first.iter().map(|p| (Vector3::from(*p) + forward * *by).into()).collect();
         patella.set_points(&points);
         patella.least_gap(&femur).is_some_and(|gap| gap.closest.distance >= DISTANCE)
     })
 }
 
-/// Means of the ends of some springs, that at the patella last.
-fn ends(anatomy: &KneeAnatomy, springs: &[&str]) -> [(Bone, Point3<f64>); 2] {
-    let found: Vec<[(Bone, Point3<f64>); 2]> = springs
-        .iter()
-        .filter_map(|name| anatomy.springs.iter().find(|s| s.name == *name))
-        .map(|s| if s.ends[1].0 == Bone::Patella { s.ends } else { [s.ends[1], s.ends[0]] })
-        .collect();
-    [0, 1].map(|end| {
-        let sum: Vector3<f64> = found.iter().map(|e| e[end].1.coords).sum();
-        (found[0][end].0, Point3::from(sum / found.len() as f64))
-    })
+/// Ends of a strand, that at the patella last: means of those of some springs.
+fn ends(anatomy: &KneeAnatomy, far: &[&str], near: &[&str]) -> [(Bone, Point3<f64>); 2] {
+    let mean = |names: &[&str], of: &dyn Fn(Bone) -> bool| {
+        let found: Vec<(Bone, Point3<f64>)> = names
+            .iter()
+            .filter_map(|name| anatomy.springs.iter().find(|s| s.name == *name))
+            .filter_map(|s| s.ends.into_iter().find(|end| of(end.0)))
+            .collect();
+        let sum: Vector3<f64> = found.iter().map(|end| end.1.coords).sum();
+        (found[0].0, Point3::from(sum / found.len() as f64))
+    };
+    let far = match far {
+        [] => mean(near, &|bone| bone != Bone::Patella),
+        _ => mean(far, &|bone| bone == Bone::Femur),
+    };
+    [far, mean(near, &|bone| bone == Bone::Patella)]
 }
 
 fn add_strand(

@@ -375,7 +375,9 @@ impl Loading for LoadedIsland {
     }
 
     fn n_pieces(&self, t: f64) -> usize {
-        match self.displaces(t) && self.terms.iter().all(|term| term.may_be_predicted()) {
+        let may = self.terms.iter().all(|term| term.may_be_predicted());
+        // Where a body answers to forces, the tangent to its path says where it goes, not who is near it.
+        match self.displaces(t) && may && self.island.bodies.is_empty() {
             false => 0,
             true => self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t))),
         }
