@@ -466,7 +466,8 @@ fn mistakes_in_free_bodies_are_named_with_their_remedy() {
         change(&mut scene);
         Plan::new(&scene, mesh).err().map(|e| e.to_string()).unwrap_or_default()
     };
-    let cases: [(&dyn Fn(&mut Scene), &[&str]); 6] = [
+    type Change<'a> = &'a dyn Fn(&mut Scene);
+    let cases: [(Change, &[&str]); 6] = [
         (&|s| s.free_bodies[0].body = "bonne".to_string(), &["`bonne`", "nearest: `bone`"]),
         (&|s| s.free_bodies.push(FreeBodySpec::new("bone")), &["free body `bone` is there twice"]),
         (&|s| s.inertia = Some(InertiaSpec::default()), &["`bone` has no mass", "leave out `inertia`"]),

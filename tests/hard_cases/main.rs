@@ -14,6 +14,7 @@ mod equilibrium;
 mod hertz;
 mod incompressible;
 mod judge;
+mod knee;
 mod no_equilibrium;
 mod page;
 mod rigid;
@@ -67,6 +68,7 @@ fn main() {
         blocks::CASES,
         hertz::CASES,
         sweeps::CASES,
+        knee::CASES,
         dynamics::CASES,
         equilibrium::CASES,
         incompressible::CASES,

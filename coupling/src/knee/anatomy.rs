@@ -65,7 +65,7 @@ pub struct KneeAnatomy {
     /// The patella without cartilage, closed.
     pub patella: Surface,
     /// From the own frame of a bone into that of the surfaces.
-    frames: BTreeMap<Bone, Isometry3<f64>>,
+    frames: Frames,
     /// Springs between these bones.
     pub springs: Vec<Spring>,
 }
@@ -126,8 +126,11 @@ fn malformed(file: &Path, problem: String, remedy: &str) -> InputError {
     InputError::Malformed { file: PathBuf::from(file), at: Place::Whole, problem, remedy: remedy.to_string() }
 }
 
+/// From the own frame of each bone into that of the surfaces.
+type Frames = BTreeMap<Bone, Isometry3<f64>>;
+
 /// Frames and springs of a model.
-fn parse(text: &str, file: &Path) -> Result<(BTreeMap<Bone, Isometry3<f64>>, Vec<Spring>), CouplingError> {
+fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError> {
     let model: ModelFile = serde_json::from_str(text).map_err(|e| {
         let problem = format!("line {}: {e}", e.line());
         malformed(file, problem, "it holds `body_to_limb` and `ligaments` as in the folder of the knee")

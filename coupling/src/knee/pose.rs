@@ -143,6 +143,24 @@ impl TibiaPath {
     }
 }
 
+/// Columns of a table that hold the patella.
+const PATELLA: [&str; 6] = [
+    "patella_flexion_deg",
+    "patella_rotation_deg",
+    "patella_medial_tilt_deg",
+    "patella_anterior_mm",
+    "patella_proximal_mm",
+    "patella_lateral_mm",
+];
+
+/// Measured poses of tibia and patella, row by row.
+pub fn read_measured(file: &Path) -> Result<Vec<[Coordinates; 2]>, CouplingError> {
+    let text =
+        std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
+    let groups = columns(&text, file, [COLUMNS, PATELLA])?;
+    Ok(groups[0].iter().zip(&groups[1]).map(|((_, tibia), (_, patella))| [*tibia, *patella]).collect())
+}
+
 /// Rows of a table with their lines, one list per group of six columns.
 pub(super) fn columns<const N: usize>(
     text: &str,
@@ -198,4 +216,38 @@ pub(super) fn columns<const N: usize>(
 fn malformed(file: &Path, problems: Vec<String>, remedy: &str) -> CouplingError {
     let problem = problems.join("; ");
     InputError::Malformed { file: file.into(), at: Place::Whole, problem, remedy: remedy.into() }.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_come_back_from_their_pose() {
+        let given = [70.0, -12.0, 8.0, 53.0, -17.0, 4.0];
+        let found = Coordinates::of(&Coordinates::from_array(given).pose()).to_array();
+        assert!(given.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        // Flexion takes what is proximal forward.
+        let bent = Coordinates::from_array([90.0, 0.0, 0.0, 0.0, 0.0, 0.0]).pose();
+        let tip = bent * nalgebra::Point3::new(0.0, 1.0, 0.0);
+        assert!((tip - nalgebra::Point3::new(1.0, 0.0, 0.0)).norm() < 1e-12, "{tip}");
+    }
+
+    #[test]
+    fn a_path_is_linear_between_its_rows_and_its_mistakes_are_named_all_at_once() {
+        let header = COLUMNS.join(",");
+        let path = |rows: &str| TibiaPath::parse(&format!("{header}\n{rows}"), "t.csv".as_ref());
+        let good = path("0,0,0,1,2,3\n10,1,4,2,0,3\n").unwrap();
+        assert_eq!(good.at(2.5).to_array(), [2.5, 0.25, 1.0, 1.25, 1.5, 3.0]);
+        assert_eq!([good.at(-5.0), good.at(50.0)], [good.rows()[0], good.rows()[1]]);
+        let said = path("0,0,0,1,2,3\n-1,0,0,0,0,0\n40,0,0,0,0,0\n").unwrap_err().to_string();
+        let needed =
+            ["t.csv", "line 3: knee_flexion_deg is -1, must be above 0", "line 4: the tibia turns by 41.0"];
+        assert!(needed.iter().all(|n| said.contains(n)), "{said}");
+        let said = path("0,0,x,1,2,3\n1,0,0,NaN,0,0\n").unwrap_err().to_string();
+        let needed = ["line 2: knee_internal_rotation_deg is `x`", "line 3: knee_anterior_mm is `NaN`"];
+        assert!(needed.iter().all(|n| said.contains(n)), "{said}");
+        let said = TibiaPath::parse("knee_flexion_deg\n1\n", "t.csv".as_ref()).unwrap_err().to_string();
+        assert!(said.contains("column `knee_lateral_mm` is missing"), "{said}");
+    }
 }

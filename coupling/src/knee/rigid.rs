@@ -9,10 +9,12 @@ use fem::plan::{Load, Plan, SceneError};
 use fem::scene::{
     BodyForceSpec, ContactMode, ContactSpec, FreeBodySpec, PrescribedSpec, Scene, StrandSpec, TieSpec,
 };
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use thiserror::Error;
 
 use super::anatomy::{Bone, KneeAnatomy};
 use super::pose::Coordinates;
+use super::tendon::Tendon;
 
 /// Name of the patella as a body.
 pub const PATELLA: &str = "patella";
@@ -22,15 +24,15 @@ pub const TIBIA: &str = "tibia";
 pub const FEMORAL_CARTILAGE: &str = "femoral_cartilage";
 /// Surface of the patella that takes part in contact.
 pub const PATELLAR_CARTILAGE: &str = "patellar_cartilage";
-/// Control of the force of the quadriceps: its size \[N\].
-pub const QUADRICEPS: &str = "quadriceps_n";
+/// Controls of the force of the quadriceps \[N\]: forward, up and lateral in the frame of the femur.
+pub const QUADRICEPS: [&str; 3] = ["quadriceps_forward_n", "quadriceps_up_n", "quadriceps_lateral_n"];
 
 /// Thickness \[m\] of cartilage at its rim: there the sheet goes on down to the bone, or what comes over the rim would lose its support at once.
 const RIM: f64 = 2.2e-3;
 /// Half the strain at which the toe of a strand ends: linear from 0.06 on (the study of the deep knee).
 const TOE: f64 = 0.03;
-/// Young's modulus \[Pa\] and Poisson's ratio of cartilage: Smith, Brandon & Thelen, J Biomech 82:123 (2019), as the knee that the surfaces
-/// are of.
+/// Young's modulus \[Pa\] and Poisson's ratio of cartilage: as elastic foundations of knees commonly take; the law is that of Bei & Fregly, Med
+/// Eng Phys 26:777 (2004).
 const CARTILAGE: [f64; 2] = [5e6, 0.45];
 /// Thickness \[m\] of both layers of cartilage: medians over the surfaces, 2.2 mm on the femur and 2.0 mm on the patella.
 const THICKNESS: f64 = 4.2e-3;
@@ -57,7 +59,9 @@ struct Structure {
 }
 
 /// Stiffness and strain: the study of the deep knee, N/mm where it prints N/mm²; 7 strands of the ligament, 5 of the retinacula.
-/// Ends: means of those of the springs of the knee that the surfaces are of.
+/// Ends: means of those of the springs of the knee that the surfaces are of. The lateral retinaculum goes to the lateral epicondyle, from where
+/// the collateral ligament comes: the springs of that knee go to the front of the condyle, and at 97 N/mm they would pull with 900 N at 137
+/// degrees. Strands are straight and run through the condyle, so those are slack from 30 degrees on.
 const STRUCTURES: [Structure; 5] = [
     Structure {
         name: "patellar_ligament_lateral",
@@ -96,16 +100,43 @@ const STRUCTURES: [Structure; 5] = [
     },
 ];
 
-/// Middle of the four heads of the quadriceps \[m\] in the frame of the femur, with their shares of its force.
-/// Middles: volumes of the surfaces of the muscles of the limb; shares: isometric forces of gait2392.
-const HEADS: [([f64; 3], f64); 4] = [
-    ([0.0390, 0.2856, 0.0637], 1169.0),
-    ([0.0328, 0.1810, 0.0479], 1365.0),
-    ([0.0114, 0.1880, 0.0686], 1871.0),
-    ([0.0432, 0.1459, 0.0082], 1294.0),
-];
+/// Why there is no such knee.
+#[derive(Debug, Error)]
+pub enum KneeError {
+    /// The patella touches the femur wherever it is put.
+    #[error(
+        "the patella is in no groove: {} mm in front of its reference pose it still touches the femur; give a pose in which it lies in front of the trochlea",
+        1e3 * FARTHEST
+    )]
+    NoGroove,
+    /// A spring whose ends strands take is missing.
+    #[error(
+        "the model of the knee has no spring `{0}` between its bones; give its two ends, strands of the patella hold on there"
+    )]
+    NoSpring(&'static str),
+    /// The scene cannot be.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
 
-/// A knee that is ready to be solved.
+/// Tibia and patella against the femur where the strands have their reference strain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferencePose {
+    /// The tibia.
+    pub tibia: Coordinates,
+    /// The patella.
+    pub patella: Coordinates,
+}
+
+impl ReferencePose {
+    /// As the bones are in the folder of the knee.
+    pub fn of(anatomy: &KneeAnatomy) -> ReferencePose {
+        let against = |bone| Coordinates::of(&(anatomy.frame(Bone::Femur).inverse() * anatomy.frame(bone)));
+        ReferencePose { tibia: against(Bone::Tibia), patella: against(Bone::Patella) }
+    }
+}
+
+/// A knee that is ready to be solved. The mesh is in the reference pose, the patella so far forward that it is off the femur.
 pub struct RigidKnee {
     /// What is solved.
     pub plan: Plan,
@@ -113,7 +144,10 @@ pub struct RigidKnee {
     femur: Isometry3<f64>,
     tibia: Isometry3<f64>,
     patella: Isometry3<f64>,
-    /// How far forward the patella starts of where it is in the folder \[m\].
+    /// Middle of the upper edge of the patella in its own frame \[m\].
+    base: Point3<f64>,
+    tendon: Tendon,
+    /// How far forward the patella starts of its reference pose \[m\].
     pub lifted: f64,
     /// Names and slack lengths \[m\] of its strands.
     pub strands: Vec<(String, f64)>,
@@ -149,6 +183,16 @@ impl Draft {
     }
 }
 
+impl Draft {
+    fn strand(&mut self, name: &str, ends: [(Bone, Point3<f64>); 2], slack: f64, stiffness: f64) {
+        let nodes = ends.map(|(bone, at)| self.point(at, set(bone))).to_vec();
+        self.mesh.blocks.push(CellBlock { name: name.to_string(), kind: CellKind::Line2, nodes });
+        let reference_strain = (ends[1].1 - ends[0].1).norm() / slack - 1.0;
+        let region = name.to_string();
+        self.scene.strands.push(StrandSpec { region, stiffness, toe: TOE, reference_strain });
+    }
+}
+
 /// Set of the nodes of a bone.
 fn set(bone: Bone) -> &'static str {
     match bone {
@@ -159,72 +203,83 @@ fn set(bone: Bone) -> &'static str {
 }
 
 impl RigidKnee {
-    /// Puts a knee together. `None`: the patella is in no groove.
-    pub fn new(anatomy: &KneeAnatomy, mode: ContactMode) -> Result<Option<RigidKnee>, SceneError> {
+    /// Puts a knee together.
+    pub fn new(
+        anatomy: &KneeAnatomy,
+        reference: &ReferencePose,
+        mode: ContactMode,
+    ) -> Result<RigidKnee, KneeError> {
         let femur = anatomy.frame(Bone::Femur);
-        let forward = femur.rotation * Vector3::x();
-        let Some(lifted) = lift(anatomy, forward) else { return Ok(None) };
-        let lift = forward * lifted;
-        let moved = |surface: &Surface| Surface {
-            points: surface.points.iter().map(|p| (Vector3::from(*p) + lift).into()).collect(),
-            triangles: surface.triangles.clone(),
+        let [tibia, patella] = [reference.tibia, reference.patella].map(|c| femur * c.pose());
+        let to_reference = |bone: Bone| match bone {
+            Bone::Femur => Isometry3::identity(),
+            Bone::Tibia => tibia * anatomy.frame(bone).inverse(),
+            Bone::Patella => patella * anatomy.frame(bone).inverse(),
         };
+        let sheets = [&anatomy.femoral_cartilage, &anatomy.patellar_cartilage].map(with_wall);
+        let [femoral, patellar] = sheets;
+        let patellar = moved(&patellar, &to_reference(Bone::Patella));
+        let forward = femur.rotation * Vector3::x();
+        let lifted = lift(&femoral, &patellar, forward).ok_or(KneeError::NoGroove)?;
+        let lift = Translation3::from(forward * lifted);
         let mut draft = Draft::default();
-        let patellar = moved(&anatomy.patellar_cartilage);
-        draft.surface(FEMORAL_CARTILAGE, &with_wall(&anatomy.femoral_cartilage), set(Bone::Femur));
-        draft.surface(PATELLAR_CARTILAGE, &with_wall(&patellar), PATELLA);
+        draft.surface(FEMORAL_CARTILAGE, &femoral, set(Bone::Femur));
+        draft.surface(PATELLAR_CARTILAGE, &moved(&patellar, &lift.into()), PATELLA);
         let mut strands = Vec::new();
         for structure in &STRUCTURES {
             for (i, springs) in structure.springs.iter().enumerate() {
                 let name = format!("{}_{}", structure.name, i + 1);
-                let lateral = structure.name == "retinaculum_lateral";
-                let far = if lateral && std::env::var_os("EPI").is_none() { &[][..] } else { structure.far };
-                let ends = ends(anatomy, far, springs);
+                let ends =
+                    ends(anatomy, structure.far, springs)?.map(|(bone, at)| (bone, to_reference(bone) * at));
                 let slack = (ends[1].1 - ends[0].1).norm() / (1.0 + structure.strain);
-                let mut share = structure.stiffness / structure.springs.len() as f64;
-                if lateral {
-                    share *= std::env::var("KLAT").map_or(1.0, |k| k.parse::<f64>().unwrap() / 97.0);
-                }
-                add_strand(&mut draft, &name, ends, lift, slack, share * slack);
+                let share = structure.stiffness / structure.springs.len() as f64;
+                draft.strand(&name, [ends[0], (ends[1].0, lift * ends[1].1)], slack, share * slack);
                 strands.push((name, slack));
             }
         }
-        let held = PrescribedSpec {
-            nodes: set(Bone::Femur).to_string(),
-            components: [true; 3],
-            displacement: Vec::new(),
-            control: None,
-        };
+        let base = anatomy.frame(Bone::Patella).inverse() * anatomy.base(BASE);
+        let patella = lift * patella;
         let Draft { mut scene, mesh } = draft;
-        scene.prescribed.push(held);
+        let (nodes, components) = (set(Bone::Femur).to_string(), [true; 3]);
+        scene.prescribed.push(PrescribedSpec { nodes, components, displacement: Vec::new(), control: None });
         scene.ties = [TIBIA, PATELLA].map(|b| TieSpec { nodes: b.to_string(), body: b.to_string() }).into();
         scene.free_bodies.push(FreeBodySpec::new(PATELLA));
-        let base = anatomy.base(BASE);
-        scene.body_forces.push(BodyForceSpec {
-            name: "quadriceps".to_string(),
-            body: PATELLA.to_string(),
-            point: (base + lift).into(),
-            force: (femur.rotation * pull(&(femur.inverse() * base))).into(),
-            follows: std::env::var_os("FOLLOW").is_some(),
-            control: QUADRICEPS.to_string(),
-        });
+        for (axis, control) in QUADRICEPS.into_iter().enumerate() {
+            scene.body_forces.push(BodyForceSpec {
+                name: control.to_string(),
+                body: PATELLA.to_string(),
+                point: (patella * base).into(),
+                force: (femur.rotation * Vector3::ith(axis, 1.0)).into(),
+                follows: false,
+                control: control.to_string(),
+            });
+        }
         scene.contact = Some(contact(mode));
         let plan = Plan::new(&scene, mesh)?;
-        let [tibia, patella] = [Bone::Tibia, Bone::Patella].map(|b| anatomy.frame(b));
-        let patella = nalgebra::Translation3::from(lift) * patella;
-        Ok(Some(RigidKnee { plan, femur, tibia, patella, lifted, strands }))
+        let own: Vec<Point3<f64>> =
+            anatomy.femoral_cartilage.points.iter().map(|p| femur.inverse() * Point3::from(*p)).collect();
+        Ok(RigidKnee { plan, femur, tibia, patella, base, tendon: Tendon::new(own), lifted, strands })
     }
 
-    /// The load with the tibia at a pose against the femur and a force of the quadriceps \[N\].
-    pub fn load(&self, tibia: &Coordinates, quadriceps: f64) -> Result<Load, SceneError> {
+    /// The load with the tibia at a pose against the femur and a force \[N\] of the quadriceps, which pulls as it does with the patella at
+    /// `patella`, a pose as a body.
+    pub fn load(&self, tibia: &Coordinates, quadriceps: f64, patella: &Pose) -> Result<Load, SceneError> {
         let pose: Pose = self.femur * tibia.pose() * self.tibia.inverse();
-        self.plan.load(&[(QUADRICEPS, quadriceps)], &[(TIBIA, pose)])
+        let base = self.femur.inverse() * patella * self.patella * self.base;
+        let pull = quadriceps * self.tendon.direction(&base);
+        let controls: [(&str, f64); 3] = std::array::from_fn(|axis| (QUADRICEPS[axis], pull[axis]));
+        self.plan.load(&controls, &[(TIBIA, pose)])
     }
 
     /// The patella against the femur, given its pose as a body.
     pub fn coordinates(&self, patella: &Pose) -> Coordinates {
         Coordinates::of(&(self.femur.inverse() * patella * self.patella))
     }
+}
+
+fn moved(surface: &Surface, by: &Isometry3<f64>) -> Surface {
+    let points = surface.points.iter().map(|p| (by * Point3::from(*p)).into()).collect();
+    Surface { points, triangles: surface.triangles.clone() }
 }
 
 /// A sheet with a wall along its rim, down into the bone.
@@ -260,55 +315,36 @@ fn with_wall(sheet: &Surface) -> Surface {
 }
 
 /// How far forward the patella has to go so that nothing touches \[m\].
-fn lift(anatomy: &KneeAnatomy, forward: Vector3<f64>) -> Option<f64> {
-    let femur = SearchSurface::new(with_wall(&anatomy.femoral_cartilage));
-    let mut patella = SearchSurface::new(with_wall(&anatomy.patellar_cartilage));
-    let first = patella.surface().points.clone();
+fn lift(femoral: &Surface, patellar: &Surface, forward: Vector3<f64>) -> Option<f64> {
+    let femur = SearchSurface::new(femoral.clone());
+    let mut patella = SearchSurface::new(patellar.clone());
     (0..=(FARTHEST / STRIDE) as usize).map(|k| k as f64 * STRIDE).find(|by| {
-        let points: Vec<[f64; 3]> =
-            first.iter().map(|p| (Vector3::from(*p) + forward * *by).into()).collect();
-        patella.set_points(&points);
+        patella.set_points(&moved(patellar, &Translation3::from(forward * *by).into()).points);
         patella.least_gap(&femur).is_some_and(|gap| gap.closest.distance >= DISTANCE)
     })
 }
 
 /// Ends of a strand, that at the patella last: means of those of some springs.
-fn ends(anatomy: &KneeAnatomy, far: &[&str], near: &[&str]) -> [(Bone, Point3<f64>); 2] {
-    let mean = |names: &[&str], of: &dyn Fn(Bone) -> bool| {
-        let found: Vec<(Bone, Point3<f64>)> = names
-            .iter()
-            .filter_map(|name| anatomy.springs.iter().find(|s| s.name == *name))
-            .filter_map(|s| s.ends.into_iter().find(|end| of(end.0)))
-            .collect();
-        let sum: Vector3<f64> = found.iter().map(|end| end.1.coords).sum();
-        (found[0].0, Point3::from(sum / found.len() as f64))
+fn ends(
+    anatomy: &KneeAnatomy,
+    far: &[&'static str],
+    near: &[&'static str],
+) -> Result<[(Bone, Point3<f64>); 2], KneeError> {
+    let mean = |names: &[&'static str], of: &dyn Fn(Bone) -> bool| {
+        let (mut bone, mut sum) = (Bone::Femur, Vector3::zeros());
+        for name in names {
+            let spring = anatomy.springs.iter().find(|s| s.name == *name);
+            let end = spring.and_then(|s| s.ends.into_iter().find(|end| of(end.0)));
+            let (on, at) = end.ok_or(KneeError::NoSpring(name))?;
+            (bone, sum) = (on, sum + at.coords);
+        }
+        Ok::<_, KneeError>((bone, Point3::from(sum / names.len() as f64)))
     };
     let far = match far {
-        [] => mean(near, &|bone| bone != Bone::Patella),
-        _ => mean(far, &|bone| bone == Bone::Femur),
+        [] => mean(near, &|bone| bone != Bone::Patella)?,
+        _ => mean(far, &|bone| bone == Bone::Femur)?,
     };
-    [far, mean(near, &|bone| bone == Bone::Patella)]
-}
-
-fn add_strand(
-    draft: &mut Draft,
-    name: &str,
-    [(bone, far), (_, near)]: [(Bone, Point3<f64>); 2],
-    lift: Vector3<f64>,
-    slack: f64,
-    stiffness: f64,
-) {
-    let near = near + lift;
-    let nodes = vec![draft.point(far, set(bone)), draft.point(near, PATELLA)];
-    draft.mesh.blocks.push(CellBlock { name: name.to_string(), kind: CellKind::Line2, nodes });
-    let reference_strain = (near - far).norm() / slack - 1.0;
-    draft.scene.strands.push(StrandSpec { region: name.to_string(), stiffness, toe: TOE, reference_strain });
-}
-
-/// Direction of the quadriceps from a point of the femur's frame, of length 1.
-fn pull(from: &Point3<f64>) -> Vector3<f64> {
-    let of = |(middle, share): &([f64; 3], f64)| (Point3::from(*middle) - from).normalize() * *share;
-    HEADS.iter().map(of).sum::<Vector3<f64>>().normalize()
+    Ok([far, mean(near, &|bone| bone == Bone::Patella)?])
 }
 
 /// Cartilage as an elastic foundation: pressure over depth is (1 − ν) E / ((1 + ν) (1 − 2 ν) h).
