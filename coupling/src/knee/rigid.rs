@@ -60,7 +60,7 @@ struct Structure {
 
 /// Stiffness and strain: the study of the deep knee, N/mm where it prints N/mm²; 7 strands of the ligament, 5 of the retinacula.
 /// Ends: means of those of the springs of the knee that the surfaces are of. The lateral retinaculum goes to the lateral epicondyle, from where
-/// the collateral ligament comes: the springs of that knee go to the front of the condyle, and at 97 N/mm they would pull with 900 N at 137
+/// the collateral ligament comes: the springs of that knee go to the front of the condyle, and at 97 N/mm they would pull with 1000 N at 137
 /// degrees. Strands are straight and run through the condyle, so those are slack from 30 degrees on.
 const STRUCTURES: [Structure; 5] = [
     Structure {

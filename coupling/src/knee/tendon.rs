@@ -35,10 +35,10 @@ impl Tendon {
     pub fn direction(&self, from: &Point3<f64>) -> Vector3<f64> {
         let of = |(middle, share): &([f64; 3], f64)| (Point3::from(*middle) - from).normalize() * *share;
         let free = HEADS.iter().map(of).sum::<Vector3<f64>>().normalize();
-        // Angle forward of straight up, in the plane of the groove; what lies behind is no obstacle.
+        // Angle forward of straight up, in the plane of the groove, from -180 degrees on: what lies behind and below is never foremost.
         let angle = |v: &Vector3<f64>| v.x.atan2(v.y);
-        let ahead = |p: &&Point3<f64>| (p.z - from.z).abs() < STRIP && p.x > from.x;
-        let over = self.cartilage.iter().filter(ahead).map(|p| angle(&(p - from)));
+        let beneath = |p: &&Point3<f64>| (p.z - from.z).abs() < STRIP;
+        let over = self.cartilage.iter().filter(beneath).map(|p| angle(&(p - from)));
         let foremost = over.fold(angle(&free), f64::max);
         let along = free.xy().norm();
         Vector3::new(along * foremost.sin(), along * foremost.cos(), free.z)
