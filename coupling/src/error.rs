@@ -39,6 +39,9 @@ pub enum CouplingError {
     /// A mesh or its input cannot be used.
     #[error(transparent)]
     Mesh(#[from] fem::mesh::MeshError),
+    /// A surface cannot be used.
+    #[error(transparent)]
+    Surface(#[from] fem::geometry::SurfaceError),
     /// A scene of bodies of one's own cannot be planned.
     #[error("scene `{}`: {source}", file.display())]
     Plan {

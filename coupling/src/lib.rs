@@ -23,6 +23,7 @@ pub mod cost;
 pub mod error;
 pub mod fibres;
 pub mod form;
+pub mod knee;
 pub mod measured;
 pub mod number;
 pub mod optimize;

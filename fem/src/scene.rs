@@ -53,8 +53,12 @@ pub struct Scene {
     pub prescribed: Vec<PrescribedSpec>,
     /// Rollers on planes of any direction.
     pub rollers: Vec<RollerSpec>,
-    /// Nodes tied to rigid bodies whose poses the drive prescribes.
+    /// Nodes tied to rigid bodies whose poses the drive prescribes, or the solver finds.
     pub ties: Vec<TieSpec>,
+    /// Bodies of `ties` whose poses the solver finds.
+    pub free_bodies: Vec<FreeBodySpec>,
+    /// Forces on free bodies.
+    pub body_forces: Vec<BodyForceSpec>,
     /// Sets of nodes that move as one plane.
     pub planes: Vec<PlaneSpec>,
     /// Contact between surfaces; absent: they do not see each other.
@@ -436,6 +440,67 @@ pub struct TieSpec {
     pub nodes: String,
     /// Body.
     pub body: String,
+}
+
+/// A rigid body whose pose is an unknown; see [`crate::plan::FreeBody`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FreeBodySpec {
+    /// Body of the ties.
+    pub body: String,
+    /// Coordinates that are held at what they are in the mesh.
+    #[serde(default)]
+    pub held: Vec<Coordinate>,
+    /// Its origin in the mesh \[m\], whose displacement its coordinates x, y and z are; absent: the mean of its nodes.
+    #[serde(default)]
+    pub origin: Option<[f64; 3]>,
+    /// Young's modulus \[Pa\] of the cube that stands for it: of cortical bone. It is rigid to the strain of such a cube.
+    #[serde(default = "cortical_bone")]
+    pub young: f64,
+}
+
+impl FreeBodySpec {
+    /// A body none of whose coordinates is held, everything else at its default.
+    pub fn new(body: &str) -> FreeBodySpec {
+        FreeBodySpec { body: body.to_string(), held: Vec::new(), origin: None, young: cortical_bone() }
+    }
+}
+
+/// Rho, Kuhn-Spearing & Zioupos, Med Eng Phys 1998;20:92: 17 GPa along the bone.
+fn cortical_bone() -> f64 {
+    17e9
+}
+
+/// A coordinate of a free body: the displacement of its origin along an axis, or an angle of R = Rz Rx Ry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)] // named by what they are
+pub enum Coordinate {
+    X,
+    Y,
+    Z,
+    TurnX,
+    TurnY,
+    TurnZ,
+}
+
+/// A force at a point of a free body.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyForceSpec {
+    /// Name, as reported.
+    pub name: String,
+    /// The body.
+    pub body: String,
+    /// Where it acts: a point of the body in the mesh \[m\].
+    pub point: [f64; 3],
+    /// Force \[N\] at unit value of the control.
+    pub force: [f64; 3],
+    /// Whether it turns with the body; otherwise it keeps its direction.
+    #[serde(default)]
+    pub follows: bool,
+    /// Control that scales it.
+    pub control: String,
 }
 
 /// Nodes whose displacement along a direction is one common unknown.

@@ -125,7 +125,7 @@ fn squeeze() -> Outcome {
 const STEP: f64 = 1.0;
 
 /// Fraction of a signal's change that lies above ten cycles over its length (the motion is one), by the cosine transform.
-fn rapid_fraction(signal: &[f64]) -> f64 {
+pub fn rapid_fraction(signal: &[f64]) -> f64 {
     let n = signal.len();
     let power = |k: usize| -> f64 {
         let sum: f64 = (0..n).map(|i| signal[i] * (PI * k as f64 * (i as f64 + 0.5) / n as f64).cos()).sum();

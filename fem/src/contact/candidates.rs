@@ -8,6 +8,14 @@ use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+/// Number of the first free body among what nodes move with.
+pub const FREE: u32 = 1 << 30;
+
+/// Whether a number of what nodes move with is that of a free body.
+pub fn is_free_body(carrier: u32) -> bool {
+    (FREE..2 * FREE).contains(&carrier)
+}
+
 /// What takes part in contact with what.
 #[derive(Clone, Debug, Default)]
 pub struct Partners {
@@ -15,7 +23,7 @@ pub struct Partners {
     pub of: Vec<Vec<usize>>,
     /// Surfaces that a collision point takes no notice of, one bit each.
     pub muted: Vec<u64>,
-    /// What collision points move with all of whose nodes are prescribed; `None`: free.
+    /// What collision points move with all of whose nodes are prescribed or ride on one free body; `None`: free.
     pub carrier: Vec<Option<u32>>,
     /// What a surface moves with as a whole; `None`: it deforms.
     pub rigid: Vec<Option<u32>>,
@@ -26,7 +34,7 @@ impl Partners {
     /// surfaces take notice of each other there, and its points are no neighbours ([`Surfaces::related`]).
     pub fn counts(&self, all: &Surfaces, a: &[u32], b: &[u32]) -> bool {
         let carrier = |p: u32| self.carrier[p as usize];
-        if a.iter().chain(b).all(|&p| carrier(p).is_some()) {
+        if a.iter().chain(b).all(|&p| carrier(p).is_some_and(|c| !is_free_body(c))) {
             return false;
         }
         let (of_a, of_b) = (all.surface(a[0]), all.surface(b[0]));

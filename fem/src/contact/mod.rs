@@ -29,6 +29,7 @@ pub mod surface;
 mod term;
 mod untangle;
 
+pub use candidates::FREE;
 pub use measure::PairForce;
 pub use start::Overlap;
 pub use term::ContactTerm;
@@ -69,7 +70,8 @@ pub struct ContactInput {
     pub distance: f64,
     /// Which of the two.
     pub mode: Mode,
-    /// What each node moves with where all its components are prescribed (the same number: together); `None`: free.
+    /// What each node moves with where all its components are prescribed (the same number: together); from [`FREE`] on free bodies, whose
+    /// poses are unknowns; `None`: free.
     pub carrier: Vec<Option<u32>>,
     /// (node, surface): primitives with this node take no notice of that surface.
     pub muted: Vec<(u32, usize)>,
@@ -135,7 +137,9 @@ impl Contact {
                 true => first,
                 // Prescribed in several ways: it moves with nothing else.
                 false => {
-                    b.weighted_nodes().all(|(n, _)| input.carrier[n as usize].is_some()).then_some(u32::MAX)
+                    let is_prescribed =
+                        |(n, _)| input.carrier[n as usize].is_some_and(|c| !candidates::is_free_body(c));
+                    b.weighted_nodes().all(is_prescribed).then_some(u32::MAX)
                 }
             }
         };

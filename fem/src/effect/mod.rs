@@ -7,6 +7,7 @@
 
 pub mod anchored;
 pub mod chain;
+pub mod follower_force;
 pub mod inertia;
 pub mod island_term;
 pub mod line;
@@ -18,6 +19,7 @@ pub mod solid;
 
 pub use anchored::Anchored;
 pub use chain::Chains;
+pub use follower_force::FollowerForce;
 pub use inertia::TimeStep;
 pub use island_term::IslandTerm;
 pub use line::Lines;

@@ -179,6 +179,37 @@ pub fn support_wrench_of(plan: &Plan, at: Snapshot, g: &[f64], nodes: &[u32], ab
     wrench
 }
 
+/// A free body under a load.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeBodyState {
+    /// Name as in the scene.
+    pub name: String,
+    /// Its pose: where its points are that are given in the mesh.
+    pub pose: crate::body::Pose,
+    /// What is left of all forces on it, moments about the place of its origin; also what holds its held coordinates.
+    pub residual: Wrench,
+    /// Greatest strain of its frame: so far is it from rigid.
+    pub strain: f64,
+}
+
+/// Every free body, in the order of [`Plan::free_bodies`].
+pub fn free_bodies(plan: &Plan, at: Snapshot) -> Vec<FreeBodyState> {
+    let g = if plan.free_bodies.is_empty() { Vec::new() } else { nodal_forces(plan, at) };
+    let of = |(b, body): (usize, &crate::plan::FreeBody)| {
+        let pose = body.pose(at.x);
+        let origin = pose * nalgebra::Point3::from(body.origin);
+        let rides = |n: &usize| plan.motion[*n][0] == Motion::Rides(b);
+        let nodes = (0..plan.motion.len()).filter(rides).chain(body.frame.map(|n| n as usize));
+        let mut residual = Wrench::default();
+        for n in nodes {
+            let arm = std::array::from_fn(|c| at.x[3 * n + c] - origin[c]);
+            residual.add(arm, std::array::from_fn(|c| -g[3 * n + c]));
+        }
+        FreeBodyState { name: body.name.clone(), pose, residual, strain: body.strain(at.x) }
+    };
+    plan.free_bodies.iter().enumerate().map(of).collect()
+}
+
 /// Wrench \[N, N·m, about the current place of the body's `about`, m of the mesh\] of the tissue on each body, in the
 /// order of [`Plan::bodies`].
 pub fn body_wrenches(plan: &Plan, at: Snapshot, about: &[[f64; 3]]) -> Vec<Wrench> {

@@ -4,7 +4,7 @@ use super::error::nearest;
 use super::term::check;
 use super::{Motion, SceneError};
 use crate::contact::surface::{SurfaceInput, collision_triangles};
-use crate::contact::{Contact, ContactInput, Mode, Overlap};
+use crate::contact::{Contact, ContactInput, FREE, Mode, Overlap};
 use crate::geometry::tree::Aabb;
 use crate::mesh::quality::gauss_dets;
 use crate::mesh::{Mesh, edge_counts, unique_nodes};
@@ -126,6 +126,15 @@ pub fn contact(
     });
     pairs.sort_unstable();
     pairs.dedup();
+    let is_rigid = |s: &usize| surfaces[*s].body.is_some();
+    let same_body =
+        |[a, b]: &[usize; 2]| surfaces[*a].body.is_some() && surfaces[*a].body == surfaces[*b].body;
+    pairs.retain(|pair| !same_body(pair));
+    if spec.stiffness.is_none()
+        && let Some(pair) = pairs.iter().find(|pair| pair.iter().all(is_rigid))
+    {
+        return Err(SceneError::RigidPair { pair: pair.map(|s| surfaces[s].name.clone()) });
+    }
     let ContactSpec { mode, distance, spacing, attachment, repair, .. } = *spec;
     let mode = if mode == ContactMode::Cheap { Mode::Cheap } else { Mode::Guarded };
     Ok(Some(ContactPlan {
@@ -169,8 +178,11 @@ fn surface(
     let deforms = nodes.iter().any(|n| moves(&n));
     let first = motion[nodes[0] as usize];
     let together = nodes.iter().all(|&n| motion[n as usize] == first);
-    let body = Some(first[0]).filter(|m| together && first == [*m; 3] && !deforms);
-    if deforms && let Some(&node) = nodes.iter().filter(moves).find(|&&n| behind[n as usize].is_none()) {
+    let body = Some(first[0])
+        .filter(|m| together && first == [*m; 3] && (!deforms || matches!(m, Motion::Rides(_))));
+    let rides = |n: u32| matches!(motion[n as usize][0], Motion::Rides(_));
+    let alone = |n: &&u32| behind[**n as usize].is_none() && !rides(**n);
+    if deforms && let Some(&node) = nodes.iter().filter(moves).find(alone) {
         return Err(SceneError::Loose { user, node });
     }
     // Of cells whose stiffness changes along the surface, a face has that of its own: its other nodes belong to stiffer ones at most.
@@ -263,6 +275,7 @@ const TOUCH: f64 = 0.1;
 /// Numbers of what nodes move with that no body has.
 const HELD: u32 = u32::MAX - 2;
 const CONTROLLED: u32 = u32::MAX - 1;
+
 /// Rounds in which what cannot be parted is left out.
 const MAX_TRIES: usize = 8;
 /// Distance between samples of guarded contact as a fraction of the edge length of the finer side: half of it, so that ridges that cross meet samples, not
@@ -408,6 +421,7 @@ impl ContactPlan {
         });
         let carrier = |m: &[Motion; 3]| match m {
             [Motion::Body(b), ..] => Some(*b as u32),
+            [Motion::Rides(b), ..] => Some(FREE + *b as u32),
             [Motion::Held, Motion::Held, Motion::Held] => Some(HELD),
             m if m.iter().any(Motion::is_unknown) => None,
             _ => Some(CONTROLLED),

@@ -254,6 +254,28 @@ pub enum SceneError {
     /// More than one mistake.
     #[error("{} mistakes:\n- {}", .0.len(), .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n- "))]
     Several(Vec<SceneError>),
+    /// A pose for a body whose pose the solver finds.
+    #[error(
+        "drive: the body `{body}` is free, its pose is found and not given; take it out of the drive, or out of `free_bodies`"
+    )]
+    FreePose {
+        /// The body.
+        body: String,
+    },
+    /// A free body where inertia is asked for.
+    #[error(
+        "free body `{body}` has no mass, so that nothing is known of how it moves in time; leave out `inertia`, or prescribe the body"
+    )]
+    Massless {
+        /// The body.
+        body: String,
+    },
+    /// Contact between two surfaces neither of which deforms.
+    #[error("contact between `{}` and `{}`: both are rigid, so that nothing says how stiff the layer between them is; add `stiffness` [Pa] to `contact`", pair[0], pair[1])]
+    RigidPair {
+        /// The surfaces.
+        pair: [String; 2],
+    },
     /// Nothing to simulate.
     #[error("the scene has no solids, fibres, membranes or strands; nothing can deform")]
     Empty,

@@ -7,8 +7,45 @@ use super::island::Island;
 use super::load::Motion;
 use crate::effect::NO_NODE;
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
+
+/// A block between local nodes \[N/m\].
+type Block = ([u32; 2], [f64; 9]);
 
 impl Island {
+    /// Moves the blocks of nodes that are means of others onto these.
+    fn onto_means(&self, blocks: Vec<Block>) -> Vec<Block> {
+        if self.means.is_empty() {
+            return blocks;
+        }
+        // Columns first, row by row, then rows: a block of two such nodes would go to sixteen places at once.
+        let fold = |blocks: &[Block], side: usize| {
+            let mut sums = BTreeMap::<[u32; 2], [f64; 9]>::new();
+            for (at, block) in blocks {
+                let own = [(at[side], 1.0)];
+                for &(node, weight) in self.means.get(&at[side]).map_or(&own[..], Vec::as_slice) {
+                    let mut to = *at;
+                    to[side] = node;
+                    let sum = sums.entry(to).or_insert([0.0; 9]);
+                    (0..9).for_each(|e| sum[e] += weight * block[e]);
+                }
+            }
+            sums.into_iter().collect::<Vec<Block>>()
+        };
+        let is_moved = |n: &u32| self.motion[*n as usize].iter().any(Motion::is_unknown);
+        let moved: Vec<Block> = blocks.into_iter().filter(|(at, _)| at.iter().all(is_moved)).collect();
+        fold(&fold(&moved, 1), 0)
+    }
+
+    /// Moves nodes that are means of others in `x` \[m\] to where these want them.
+    fn blend(&self, x: &mut [f64]) {
+        for (&n, mean) in &self.means {
+            for c in 0..3 {
+                x[3 * n as usize + c] = mean.iter().map(|(of, w)| w * x[3 * *of as usize + c]).sum();
+            }
+        }
+    }
+
     /// The free node that a local node is.
     pub(super) fn free_index(&self, local: u32) -> Option<usize> {
         if local == NO_NODE {
@@ -45,6 +82,7 @@ impl Island {
 
     /// Moves blocks between local nodes onto their unknowns; ascending by (row, column).
     pub(super) fn onto_unknowns(&self, blocks: Vec<([u32; 2], [f64; 9])>) -> Vec<([u32; 2], [f64; 9])> {
+        let blocks = self.onto_means(blocks);
         let mut out: Vec<([u32; 2], [f64; 9])> = Vec::with_capacity(blocks.len());
         for ([i, j], block) in blocks {
             if [i, j].iter().all(|&n| self.is_free(n)) {
@@ -84,6 +122,19 @@ impl Island {
 
     /// Adds forces \[N\] on all local nodes to those on the unknowns that move them.
     pub(super) fn add_onto_unknowns(&self, forces: &[f64], g: &mut [f64]) {
+        let with_means: Vec<f64>;
+        let mut forces = forces;
+        if !self.means.is_empty() {
+            let mut sums = forces.to_vec();
+            for (&n, mean) in &self.means {
+                for c in 0..3 {
+                    let force = std::mem::take(&mut sums[3 * n as usize + c]);
+                    mean.iter().for_each(|(of, w)| sums[3 * *of as usize + c] += w * force);
+                }
+            }
+            with_means = sums;
+            forces = &with_means;
+        }
         for (&n, slide) in &self.slides {
             let mut f: Vec<f64> = forces[3 * n as usize..3 * n as usize + 3].to_vec();
             f.resize(6, 0.0);
@@ -128,5 +179,6 @@ impl Island {
                 }
             }
         }
+        self.blend(x);
     }
 }

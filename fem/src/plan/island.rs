@@ -6,7 +6,8 @@
 
 #![allow(non_snake_case)]
 
-use super::load::{Load, Motion};
+use super::free::FreeBody;
+use super::load::{Load, Mean, Motion};
 use super::predictor::KinematicPredictor;
 use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};
@@ -33,6 +34,10 @@ pub struct Island {
     pub motion: Vec<[Motion; 3]>,
     /// Local nodes that slide; those that they follow are local too.
     pub(super) slides: BTreeMap<u32, Slide>,
+    /// Local nodes that are fixed means of others, with these.
+    pub(super) means: BTreeMap<u32, Mean>,
+    /// Bodies whose poses are unknowns, over local nodes.
+    pub(super) bodies: Vec<FreeBody>,
     /// What may touch, over local nodes; absent where nothing can.
     pub contact: Option<Arc<Contact>>,
     /// Centre of the nodes tied to each body of the plan \[m\].
@@ -61,6 +66,7 @@ impl Island {
         cells: Vec<Vec<u32>>,
         motion: Vec<[Motion; 3]>,
         slides: BTreeMap<u32, Slide>,
+        means: BTreeMap<u32, Mean>,
         pivots: Arc<Vec<[f64; 3]>>,
         n_controls: usize,
     ) -> Island {
@@ -68,7 +74,7 @@ impl Island {
         let mut free_nodes = Vec::new();
         let mut fixed = Vec::new();
         for (n, m) in motion.iter().enumerate() {
-            if m.iter().any(Motion::is_unknown) {
+            if m.iter().any(Motion::is_unknown) && !means.contains_key(&(n as u32)) {
                 free[n] = free_nodes.len() as u32;
                 free_nodes.push(n as u32);
                 fixed.extend(m.map(|m| !matches!(m, Motion::Free | Motion::Slides(_))));
@@ -76,7 +82,9 @@ impl Island {
         }
         let follower = |n: u32| {
             n != NO_NODE
-                && motion[n as usize].iter().any(|m| matches!(m, Motion::Follows(_) | Motion::Slides(_)))
+                && motion[n as usize]
+                    .iter()
+                    .any(|m| matches!(m, Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_)))
         };
         let free_of = |n: u32| if n == NO_NODE { PRESCRIBED } else { free[n as usize] };
         let mut tied = Vec::new();
@@ -86,7 +94,7 @@ impl Island {
             let mut place = Vec::with_capacity(effect.nodes().len());
             for (g, group) in effect.nodes().chunks_exact(m).enumerate() {
                 if group.iter().any(|&n| follower(n)) {
-                    tied.push(tied_group(e, g, group, &motion, &slides));
+                    tied.push(tied_group(e, g, group, &motion, &slides, &means));
                     place.extend(std::iter::repeat_n(PRESCRIBED, m));
                 } else {
                     place.extend(group.iter().map(|&n| free_of(n)));
@@ -109,7 +117,9 @@ impl Island {
         let mut prescribed = Vec::new();
         for (e, effect) in effects.iter().enumerate() {
             let groups = effect.nodes().chunks_exact(effect.nodes_per_group()).enumerate();
-            let held = groups.filter(|(_, group)| group.iter().all(|&n| free_of(n) == PRESCRIBED));
+            let held = groups.filter(|(_, group)| {
+                group.iter().all(|&n| free_of(n) == PRESCRIBED && !means.contains_key(&n))
+            });
             prescribed
                 .extend(held.map(|(g, _)| (e, g)).filter(|&(_, g)| effect.group_det_f(&rest, g).is_some()));
         }
@@ -122,6 +132,8 @@ impl Island {
             cells,
             motion,
             slides,
+            means,
+            bodies: Vec::new(),
             contact: None,
             pivots,
             predictor: OnceLock::new(),

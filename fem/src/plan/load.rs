@@ -2,8 +2,12 @@
 
 #![allow(non_snake_case)]
 
+use super::free::FreeBody;
 use super::slide::Slide;
 use crate::body::{Pose, interpolate};
+
+/// Nodes of which another is a fixed mean, with their weights, which add up to 1.
+pub(super) type Mean = Vec<(u32, f64)>;
 
 /// What one component of a node does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +22,8 @@ pub enum Motion {
     Body(usize),
     /// Its displacement is that of the same component of a node.
     Follows(u32),
+    /// It rides on a free body: index into [`Plan::free_bodies`](super::Plan::free_bodies).
+    Rides(usize),
     /// It moves with its node, which slides in directions that are no axes: index into [`Plan::slides`](super::Plan::slides).
     Slides(u32),
 }
@@ -25,15 +31,16 @@ pub enum Motion {
 impl Motion {
     /// Whether it is not prescribed altogether.
     pub fn is_unknown(&self) -> bool {
-        matches!(self, Motion::Free | Motion::Follows(_) | Motion::Slides(_))
+        matches!(self, Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_))
     }
 
-    /// The node whose displacement it takes over.
-    pub(super) fn leader(&self, slides: &[Slide]) -> Option<u32> {
+    /// The nodes whose displacements it takes over.
+    pub(super) fn leaders(&self, slides: &[Slide], free: &[FreeBody]) -> Vec<u32> {
         match self {
-            Motion::Follows(leader) => Some(*leader),
-            Motion::Slides(of) => slides[*of as usize].follows.map(|(leader, ..)| leader),
-            _ => None,
+            Motion::Follows(leader) => vec![*leader],
+            Motion::Slides(of) => slides[*of as usize].follows.iter().map(|f| f.0).collect(),
+            Motion::Rides(body) => free[*body].frame.to_vec(),
+            _ => Vec::new(),
         }
     }
 }
@@ -52,7 +59,7 @@ impl Load {
     pub fn prescribe(&self, motion: &[Motion; 3], X: &[f64; 3], x: &mut [f64; 3]) {
         for c in 0..3 {
             match motion[c] {
-                Motion::Free | Motion::Follows(_) | Motion::Slides(_) => {}
+                Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_) => {}
                 Motion::Held => x[c] = X[c],
                 Motion::Control(control, u) => x[c] = X[c] + self.controls[control] * u,
                 Motion::Body(b) => x[c] = (self.poses[b] * nalgebra::Point3::from(*X))[c],

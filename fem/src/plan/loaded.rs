@@ -101,6 +101,12 @@ impl Potential for LoadedIsland {
             f.resize(3 * effect.nodes_per_group(), 0.0);
             self.effect(t.effect, |effect| effect.forces(&s, t.group, &mut f));
             f.resize(3 * t.nodes.len(), 0.0);
+            for (from, mean) in &t.means {
+                for c in 0..3 {
+                    let force = std::mem::take(&mut f[3 * from + c]);
+                    mean.iter().for_each(|(to, w)| f[3 * to + c] += w * force);
+                }
+            }
             for &(from, to) in &t.moves {
                 f[to] += f[from];
                 f[from] = 0.0;
@@ -148,6 +154,20 @@ impl Potential for LoadedIsland {
             let mut full = vec![0.0; n * n];
             for r in 0..m {
                 full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
+            }
+            for (from, mean) in &t.means {
+                for c in 0..3 {
+                    for column in 0..n {
+                        let value = std::mem::take(&mut full[(3 * from + c) * n + column]);
+                        mean.iter().for_each(|(to, w)| full[(3 * to + c) * n + column] += w * value);
+                    }
+                }
+                for c in 0..3 {
+                    for row in 0..n {
+                        let value = std::mem::take(&mut full[row * n + 3 * from + c]);
+                        mean.iter().for_each(|(to, w)| full[row * n + 3 * to + c] += w * value);
+                    }
+                }
             }
             for &(from, to) in &t.moves {
                 for c in 0..n {
@@ -208,7 +228,9 @@ impl Potential for LoadedIsland {
         }
         scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
         for (n, motion) in island.motion.iter().enumerate() {
-            for c in (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_))) {
+            for c in
+                (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_) | Motion::Rides(_)))
+            {
                 total[3 * n + c] = 0.0;
             }
         }
@@ -218,6 +240,42 @@ impl Potential for LoadedIsland {
             total[i..i + 3].copy_from_slice(reaction.as_slice());
         }
         scale.max(norm(&total))
+    }
+
+    fn followers(&self) -> Vec<[usize; 2]> {
+        let island = &self.island;
+        let mut all = Vec::new();
+        for (free, &n) in island.free_nodes.iter().enumerate() {
+            for c in 0..3 {
+                if let Motion::Follows(leader) = island.motion[n as usize][c]
+                    && let Some(leader) = island.free_index(leader)
+                {
+                    all.push([3 * free + c, 3 * leader + c]);
+                }
+            }
+        }
+        all
+    }
+
+    fn go(&self, x: &[f64], dx: &[f64], length: f64, out: &mut [f64]) {
+        for i in 0..x.len() {
+            out[i] = x[i] + length * dx[i];
+        }
+        if self.island.bodies.is_empty() {
+            return;
+        }
+        let (from, to) = (self.expand(x), self.expand(out));
+        for body in &self.island.bodies {
+            for (&n, place) in body.frame.iter().zip(body.turned(&from, &to)) {
+                if let Some(free) = self.island.free_index(n) {
+                    out[3 * free..3 * free + 3].copy_from_slice(place.as_slice());
+                }
+            }
+        }
+    }
+
+    fn is_curved(&self) -> bool {
+        !self.island.bodies.is_empty()
     }
 
     fn holds_free_bodies(&self) -> bool {
@@ -317,7 +375,9 @@ impl Loading for LoadedIsland {
     }
 
     fn n_pieces(&self, t: f64) -> usize {
-        match self.displaces(t) && self.terms.iter().all(|term| term.may_be_predicted()) {
+        let may = self.terms.iter().all(|term| term.may_be_predicted());
+        // Where a body answers to forces, the tangent to its path says where it goes, not who is near it.
+        match self.displaces(t) && may && self.island.bodies.is_empty() {
             false => 0,
             true => self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t))),
         }

@@ -7,6 +7,7 @@ mod contact;
 mod embed;
 mod error;
 mod followers;
+mod free;
 mod inertia;
 mod island;
 mod lines;
@@ -24,6 +25,7 @@ mod warning;
 
 pub use contact::{ContactPlan, ContactSurface, Repair};
 pub use error::SceneError;
+pub use free::FreeBody;
 pub use inertia::Inertia;
 pub use island::Island;
 pub use load::{Load, Motion};
@@ -53,6 +55,8 @@ pub struct Plan {
     pub islands: Vec<Arc<Island>>,
     /// What each component of each node of the mesh does.
     pub motion: Vec<[Motion; 3]>,
+    /// Bodies whose poses are unknowns; see [`Motion::Rides`].
+    pub free_bodies: Vec<FreeBody>,
     /// How nodes move that slide in directions that are no axes; see [`Motion::Slides`].
     pub slides: Vec<Slide>,
     /// Centre of the nodes tied to each body \[m\], about which it turns between loads.
@@ -86,14 +90,21 @@ impl Plan {
     /// The same with terms of the caller's own, which may number controls and bodies; no file of this crate has to know them.
     pub fn with_terms(scene: &Scene, mut mesh: Mesh, own: OwnTerms) -> Result<Plan, SceneError> {
         mesh.check()?;
+        let mut with_frames: Scene;
+        let (mut scene, mut free_bodies) = (scene, Vec::new());
+        if !scene.free_bodies.is_empty() {
+            with_frames = scene.clone();
+            free_bodies = free::add(&mut with_frames, &mut mesh)?;
+            scene = &with_frames;
+        }
         let mut warnings = warning::of_mesh(scene, &mesh);
         let mut mistakes = Mistakes::default();
         // Numbered anew below: here it only matters what is prescribed.
-        let motion = mistakes.keep(motion::motions(scene, &mesh, &mut Names::default()));
+        let motion = mistakes.keep(motion::motions(scene, &mesh, &free_bodies, &mut Names::default()));
         let contact = motion.as_ref().and_then(|(m, _)| mistakes.keep(contact(scene, &mut mesh, m)));
         let mut names = Names::default();
         let weights = weights(scene, &mesh, &mut names, &mut mistakes);
-        let terms = terms(
+        let mut terms = terms(
             scene,
             &mesh,
             motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())),
@@ -102,16 +113,25 @@ impl Plan {
             &mut names,
             &mut mistakes,
         );
+        for spec in &scene.body_forces {
+            terms.extend(mistakes.keep(free::force(spec, &free_bodies, &mut names)));
+        }
         let inertia = mistakes.keep(inertia::inertia(scene, &mesh));
-        let motion = mistakes.keep(motion::motions(scene, &mesh, &mut names));
+        let motion = mistakes.keep(motion::motions(scene, &mesh, &free_bodies, &mut names));
         let (Some((contact, repair)), Some(inertia), Some((motion, slides)), true) =
             (contact, inertia, motion, mistakes.is_empty())
         else {
             return Err(mistakes.into_error());
         };
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
-        let islands =
-            islands(&mesh, &terms, (&motion, &slides), &pivots, names.controls.len(), contact.as_ref())?;
+        let islands = islands(
+            &mesh,
+            &terms,
+            (&motion, &slides, &free_bodies),
+            &pivots,
+            names.controls.len(),
+            contact.as_ref(),
+        )?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let mut idle: std::collections::BTreeSet<u32> = (0..mesh.points.len() as u32).collect();
         islands.iter().flat_map(|i| &i.nodes).for_each(|n| {
@@ -132,6 +152,7 @@ impl Plan {
             bodies,
             islands,
             motion,
+            free_bodies,
             slides,
             pivots,
             weights,
@@ -190,7 +211,9 @@ impl Plan {
             }
         }
         for (name, pose) in poses {
-            if let Some(at) = mistakes.keep(find(&self.bodies, name, "body")) {
+            if self.free_bodies.iter().any(|body| body.name == *name) {
+                mistakes.add(SceneError::FreePose { body: name.to_string() });
+            } else if let Some(at) = mistakes.keep(find(&self.bodies, name, "body")) {
                 load.poses[at] = *pose;
             }
         }
@@ -260,6 +283,7 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
         ("pressures", scene.pressures.is_empty()),
         ("patch pressures", scene.patch_pressures.is_empty()),
         ("forces", scene.forces.is_empty()),
+        ("free bodies", scene.free_bodies.is_empty()),
         ("contact", scene.contact.is_none()),
     ]
     .into_iter()
@@ -388,7 +412,7 @@ fn pivots(mesh: &Mesh, motion: &[[Motion; 3]], n_bodies: usize) -> Vec<[f64; 3]>
 fn islands(
     mesh: &Mesh,
     terms: &[Term],
-    (motion, slides): (&[[Motion; 3]], &[Slide]),
+    (motion, slides, free): (&[[Motion; 3]], &[Slide], &[FreeBody]),
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     contact: Option<&ContactPlan>,
@@ -402,7 +426,7 @@ fn islands(
     };
     for (node, m) in motion.iter().enumerate() {
         for m in m {
-            if let Some(leader) = m.leader(slides) {
+            for leader in m.leaders(slides, free) {
                 unite(node as u32, leader);
             }
         }
@@ -458,7 +482,15 @@ fn islands(
                 .collect()
         });
         let members = contact.map(|c| (c, members.as_slice())).filter(|(_, m)| !m.is_empty());
-        islands.push(Arc::new(island(mesh, terms, (motion, slides), pivots, n_controls, groups, members)?));
+        islands.push(Arc::new(island(
+            mesh,
+            terms,
+            (motion, slides, free),
+            pivots,
+            n_controls,
+            groups,
+            members,
+        )?));
     }
     Ok(islands)
 }
@@ -475,7 +507,7 @@ fn root(parent: &mut [u32], mut n: u32) -> u32 {
 fn island(
     mesh: &Mesh,
     terms: &[Term],
-    (motion, slides): (&[[Motion; 3]], &[Slide]),
+    (motion, slides, free): (&[[Motion; 3]], &[Slide], &[FreeBody]),
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     groups: Vec<Vec<u32>>,
@@ -486,12 +518,12 @@ fn island(
         groups[t].iter().flat_map(move |&g| &terms[t].nodes[m * g as usize..m * (g as usize + 1)]).copied()
     };
     let mut nodes: Vec<u32> = (0..terms.len()).flat_map(members).filter(|&n| n != NO_NODE).collect();
-    let masters: Vec<u32> =
-        nodes.iter().flat_map(|&n| motion[n as usize]).filter_map(|m| m.leader(slides)).collect();
-    nodes.extend(masters);
     if let Some((plan, members)) = contact {
         members.iter().for_each(|&s| nodes.extend(&plan.surfaces[s].nodes));
     }
+    let leaders: Vec<u32> =
+        nodes.iter().flat_map(|&n| motion[n as usize]).flat_map(|m| m.leaders(slides, free)).collect();
+    nodes.extend(leaders);
     nodes.sort_unstable();
     nodes.dedup();
     let local = |n: u32| if n == NO_NODE { NO_NODE } else { nodes.binary_search(&n).expect("listed") as u32 };
@@ -513,6 +545,15 @@ fn island(
             sliding.insert(i, slide);
         }
     }
+    let mean_of = |n: u32| match motion[n as usize][0] {
+        Motion::Rides(body) => Some(free[body].weights(mesh.points[n as usize])),
+        _ => None,
+    };
+    let means = (0..).zip(&nodes).filter_map(|(i, &n)| {
+        let mean = mean_of(n)?;
+        Some((i, mean.map(|(of, w)| (local(of), w)).to_vec()))
+    });
+    let means = means.collect();
     let motion = nodes.iter().map(|&n| {
         motion[n as usize].map(|m| match m {
             Motion::Follows(master) => Motion::Follows(local(master)),
@@ -525,7 +566,10 @@ fn island(
     let contact = contact.and_then(|(plan, members)| {
         plan.on_island(members, |n| nodes.binary_search(&n).ok().map(|i| i as u32), &points, &motion)
     });
-    let mut island = Island::new(name, nodes, X, effects, cells, motion, sliding, pivots.clone(), n_controls);
-    island.contact = contact.map(Arc::new);
+    let bodies = free.iter().filter(|body| nodes.binary_search(&body.frame[0]).is_ok());
+    let bodies = bodies.map(|body| FreeBody { frame: body.frame.map(local), ..body.clone() }).collect();
+    let mut island =
+        Island::new(name, nodes, X, effects, cells, motion, sliding, means, pivots.clone(), n_controls);
+    (island.bodies, island.contact) = (bodies, contact.map(Arc::new));
     Ok(island)
 }

@@ -1,6 +1,7 @@
 //! What each component of each node does: prescribed, tied to a body, following a plane, sliding, or free.
 
 use super::error::Mistakes;
+use super::free::FreeBody;
 use super::slide::{Along, Slide};
 use super::term::{Names, check, set_of, unit};
 use super::{Motion, SceneError};
@@ -14,6 +15,7 @@ use std::collections::BTreeMap;
 pub fn motions(
     scene: &Scene,
     mesh: &Mesh,
+    free: &[FreeBody],
     names: &mut Names,
 ) -> Result<(Vec<[Motion; 3]>, Vec<Slide>), SceneError> {
     let n = mesh.points.len();
@@ -27,7 +29,10 @@ pub fn motions(
         mistakes.keep(table.roller(spec, mesh, names));
     }
     for spec in &scene.ties {
-        mistakes.keep(table.tie(spec, mesh, names));
+        mistakes.keep(table.tie(spec, mesh, free, names));
+    }
+    for (node, c, motion) in free.iter().flat_map(FreeBody::holds) {
+        table.motion[node as usize][c] = motion;
     }
     for spec in &scene.planes {
         mistakes.keep(table.plane(spec, mesh));
@@ -61,7 +66,8 @@ impl<'a> Table<'a> {
         for block in mesh.blocks.iter().filter(|b| b.kind.is_solid() && !is_solid(&b.name)) {
             let boundary = block.boundary()?;
             let Some(first) = boundary.first().map(|face| self.motion[face[0] as usize]) else { continue };
-            let moves_with_body = matches!(first, [Motion::Body(_), ..]) && first == [first[0]; 3];
+            let moves_with_body =
+                matches!(first, [Motion::Body(_) | Motion::Rides(_), ..]) && first == [first[0]; 3];
             if moves_with_body && boundary.iter().flatten().all(|&n| self.motion[n as usize] == first) {
                 let inner = block.nodes.iter().filter(|n| self.motion[**n as usize] == [Motion::Free; 3]);
                 let inner: Vec<u32> = inner.copied().collect();
@@ -135,11 +141,20 @@ impl<'a> Table<'a> {
         Ok(())
     }
 
-    fn tie(&mut self, spec: &'a TieSpec, mesh: &Mesh, names: &mut Names) -> Result<(), SceneError> {
-        let body = names.body(&spec.body);
+    fn tie(
+        &mut self,
+        spec: &'a TieSpec,
+        mesh: &Mesh,
+        free: &[FreeBody],
+        names: &mut Names,
+    ) -> Result<(), SceneError> {
+        let motion = match free.iter().position(|body| body.name == spec.body) {
+            Some(body) => Motion::Rides(body),
+            None => Motion::Body(names.body(&spec.body)),
+        };
         for &node in set_of(mesh, &spec.nodes, &format!("tie to `{}`", spec.body))? {
             for c in 0..3 {
-                self.set(node, c, Motion::Body(body), &spec.nodes)?;
+                self.set(node, c, motion, &spec.nodes)?;
             }
         }
         Ok(())
@@ -208,7 +223,7 @@ impl<'a> Table<'a> {
                     Motion::Held => Along::Control(None),
                     Motion::Control(control, u) => Along::Control(Some((control, u))),
                     Motion::Follows(leader) => Along::Node(leader),
-                    Motion::Body(_) | Motion::Slides(_) => {
+                    Motion::Body(_) | Motion::Rides(_) | Motion::Slides(_) => {
                         let user = self.user[node as usize][c];
                         return Err(contradiction(node, oblique[0].2, user));
                     }

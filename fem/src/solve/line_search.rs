@@ -40,8 +40,14 @@ impl Run<'_> {
         let mut inverted = false;
         let mut g_trial = Vec::new();
         while length >= LEAST_STEP_LENGTH * free {
-            for i in 0..x.len() {
-                trial[i] = x[i] + length * dx[i];
+            potential.go(x, dx, length, trial);
+            if length < free && potential.is_curved() && !from.is_empty() {
+                // A shorter way is another one.
+                let fraction = potential.collision_free_step(&from, trial);
+                if fraction < 1.0 {
+                    length *= (0.9 * fraction).max(0.1);
+                    continue;
+                }
             }
             let e = potential.energy(trial);
             if !e.is_finite() {
@@ -81,9 +87,7 @@ impl Run<'_> {
         if from.is_empty() {
             return 1.0;
         }
-        for i in 0..x.len() {
-            trial[i] = x[i] + dx[i];
-        }
+        potential.go(x, dx, 1.0, trial);
         potential.collision_free_step(from, trial)
     }
 }

@@ -300,9 +300,7 @@ impl Run<'_> {
             let (mut length, mut is_held_up) = (1.0, false);
             loop {
                 let load = if length == 1.0 { target } else { t + length * (target - t) };
-                for i in 0..n {
-                    trial[i] = x[i] + length * dx[i];
-                }
+                potential.go(x, &dx, length, &mut trial);
                 potential.set_load(load, &mut trial);
                 let free =
                     if places.is_empty() { 1.0 } else { potential.collision_free_step(&places, &trial) };

@@ -10,6 +10,8 @@ use std::time::Instant;
 
 /// Length of a step below which softened contact is asked for a better guess.
 const CUT_SHORT: f64 = 0.25;
+/// Round-off of the gradient, as a fraction of the wanted residual, up to which a residual is looked for that is small enough beside it.
+const ROOM: f64 = 0.5;
 /// Fraction of the slope of a Newton direction that has to be left where the ways of single nodes are shortened.
 const LEAST_SLOPE: f64 = 0.1;
 
@@ -91,12 +93,16 @@ impl Run<'_> {
             self.report.wanted = wanted;
             if residual <= wanted {
                 // A residual that is known less exactly than that may be small by chance.
-                if residual + self.k.gradient_round_off(x, &self.fixed) > wanted {
+                let round_off = self.k.gradient_round_off(x, &self.fixed);
+                if residual + round_off <= wanted {
+                    self.report.least_det_f = potential.least_det_f(x).0;
+                    return Ok(());
+                }
+                // Where round-off leaves room for a smaller one, that is looked for.
+                if round_off > ROOM * wanted {
                     let reason = self.round_off(x, residual, wanted);
                     return Err(self.failure(potential, x, reason, iteration, &g));
                 }
-                self.report.least_det_f = potential.least_det_f(x).0;
-                return Ok(());
             }
             if residual > last / 2.0 && residual <= round_off(self.k, x) {
                 let reason = self.round_off(x, residual, wanted);

@@ -35,6 +35,23 @@ pub trait Potential: Send + Sync {
     /// semi-definite.
     fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix);
 
+    /// Unknowns that are [`fixed`](Potential::fixed) because they take over the displacement of another: both.
+    fn followers(&self) -> Vec<[usize; 2]> {
+        Vec::new()
+    }
+
+    /// Where `x` comes by the fraction `length` of a step `dx`: x + length · dx, but for parts that turn, which come near it along a curve.
+    fn go(&self, x: &[f64], dx: &[f64], length: f64, out: &mut [f64]) {
+        for i in 0..x.len() {
+            out[i] = x[i] + length * dx[i];
+        }
+    }
+
+    /// Whether [`go`](Potential::go) leads along curves.
+    fn is_curved(&self) -> bool {
+        false
+    }
+
     /// Norm \[N\] of the forces in play, the scale of the residual: reactions of the prescribed unknowns
     /// (fully and partly prescribed nodes), external and active forces.
     fn force_scale(&self, x: &[f64]) -> f64;

@@ -2,6 +2,7 @@
 
 use super::{BlockMatrix, Pattern};
 use nalgebra::{DMatrix, Matrix6, RowVector6, Vector3};
+use std::collections::BTreeMap;
 
 /// Sum over the nodes of (|K u| / stiffness of the node / displacement)² that counts as no resistance, where round-off explains it.
 const NO_RESISTANCE: f64 = 1e-13;
@@ -27,11 +28,19 @@ impl std::fmt::Display for LooseComponent {
     }
 }
 
-/// Parts of the graph (components) whose rigid motions are neither resisted by `k` nor prescribed by `fixed`.
+/// Parts of the graph (components) whose rigid motions are neither resisted by `k` nor prescribed by `fixed`. `followers`: fixed unknowns that
+/// take over the displacement of another, with it.
 ///
 /// `x`: positions of the free nodes \[m\], best those of the unstressed shape.
-pub fn loose_components(k: &BlockMatrix, fixed: &[bool], x: &[f64]) -> Vec<LooseComponent> {
-    components(k.pattern()).into_iter().filter_map(|nodes| loose_component(k, fixed, x, &nodes)).collect()
+pub fn loose_components(
+    k: &BlockMatrix,
+    fixed: &[bool],
+    followers: &[[usize; 2]],
+    x: &[f64],
+) -> Vec<LooseComponent> {
+    let leaders: BTreeMap<usize, usize> = followers.iter().map(|&[of, leader]| (of, leader)).collect();
+    let loose = |nodes: Vec<usize>| loose_component(k, fixed, &leaders, x, &nodes);
+    components(k.pattern()).into_iter().filter_map(loose).collect()
 }
 
 /// Connected components, each sorted.
@@ -59,8 +68,15 @@ fn components(pattern: &Pattern) -> Vec<Vec<usize>> {
 }
 
 /// The rigid motions R of a part whose forces K R are round-off at every node against the stiffness of that node (not
-/// against the stiffest: tissue beside steel still supports), with a unit spring on every fixed unknown.
-fn loose_component(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) -> Option<LooseComponent> {
+/// against the stiffest: tissue beside steel still supports), with a unit spring on every fixed unknown, between it and its leader where it
+/// has one.
+fn loose_component(
+    k: &BlockMatrix,
+    fixed: &[bool],
+    leaders: &BTreeMap<usize, usize>,
+    x: &[f64],
+    nodes: &[usize],
+) -> Option<LooseComponent> {
     let at = |i: usize| Vector3::from_column_slice(&x[3 * i..3 * i + 3]);
     let centre = nodes.iter().map(|&i| at(i)).sum::<Vector3<f64>>() / nodes.len() as f64;
     let radius = nodes.iter().map(|&i| (at(i) - centre).norm_squared()).sum::<f64>() / nodes.len() as f64;
@@ -89,7 +105,9 @@ fn loose_component(k: &BlockMatrix, fixed: &[bool], x: &[f64], nodes: &[usize]) 
         for c in 0..3 {
             resistance.add(RowVector6::from_fn(|_, m| force[m][c] / own));
             if fixed.get(3 * i + c) == Some(&true) {
-                resistance.add(RowVector6::from_fn(|_, m| u[m][c]));
+                let leader = leaders.get(&(3 * i + c));
+                let of_leader = |m: usize| leader.map_or(0.0, |&l| motion(l / 3, m)[l % 3]);
+                resistance.add(RowVector6::from_fn(|_, m| u[m][c] - of_leader(m)));
             }
         }
         for m in 0..6 {

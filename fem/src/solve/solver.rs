@@ -247,7 +247,7 @@ impl Solver {
             let analysis = Arc::new(Analysis::new(pattern, x));
             let mut k = BlockMatrix::zeros(pattern.clone());
             potential.hessian(x, 0.0, &mut k);
-            let parts = loose_components(&k, potential.fixed(), x);
+            let parts = loose_components(&k, potential.fixed(), &potential.followers(), x);
             if !parts.is_empty() && potential.touching(x).is_empty() && !potential.holds_free_bodies() {
                 self.kept = None;
                 return Err(SolveError::Unsupported { island: self.name.clone(), parts });

@@ -42,9 +42,7 @@ impl Run<'_> {
         let mut trial = vec![0.0; n];
         let places = potential.touching(x);
         for _ in 0..20 {
-            for i in 0..n {
-                trial[i] = x[i] + size * mode[i];
-            }
+            potential.go(x, &mode, size, &mut trial);
             if potential.energy(&trial).is_finite()
                 && (places.is_empty() || potential.collision_free_step(&places, &trial) >= 1.0)
             {

@@ -1,0 +1,170 @@
+//! The surfaces of a knee, where its ligaments hold on, and the frames of its bones.
+//!
+//! A folder holds closed or open surfaces in STL (m, all in one frame) and `knee_model.json`: per body the transform of its own frame into
+//! that one, and springs with their ends. Axes of the own frames: x forward, y up, z lateral.
+
+#![allow(non_snake_case)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use fem::geometry::Surface;
+use fem::mesh::LengthUnit;
+use multibody::InputError;
+use multibody::error::Place;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+
+use crate::error::CouplingError;
+
+/// File of frames and springs.
+const MODEL: &str = "knee_model.json";
+/// How far from a rotation the matrix of a frame may be: what ten digits leave.
+const ROTATION: f64 = 1e-8;
+
+/// A bone of the knee.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Bone {
+    /// Its distal end.
+    Femur,
+    /// Its proximal end.
+    Tibia,
+    /// The patella.
+    Patella,
+}
+
+impl Bone {
+    const ALL: [Bone; 3] = [Bone::Femur, Bone::Tibia, Bone::Patella];
+
+    /// Its name in the file.
+    fn body(self) -> &'static str {
+        match self {
+            Bone::Femur => "femur_distal_r",
+            Bone::Tibia => "tibia_proximal_r",
+            Bone::Patella => "patella_r",
+        }
+    }
+}
+
+/// A spring between two bones: its name and its ends, each in the frame of the surfaces \[m\].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spring {
+    /// As in the file: `PT1`.
+    pub name: String,
+    /// Bone and place.
+    pub ends: [(Bone, Point3<f64>); 2],
+}
+
+/// A knee as it is in the folder.
+#[derive(Clone, Debug)]
+pub struct KneeAnatomy {
+    /// Cartilage of femur and patella: open sheets whose normals look into the joint.
+    pub femoral_cartilage: Surface,
+    /// The same of the patella.
+    pub patellar_cartilage: Surface,
+    /// The patella without cartilage, closed.
+    pub patella: Surface,
+    /// From the own frame of a bone into that of the surfaces.
+    frames: Frames,
+    /// Springs between these bones.
+    pub springs: Vec<Spring>,
+}
+
+impl KneeAnatomy {
+    /// Reads a folder; all mistakes of its model at once.
+    pub fn read(folder: &Path) -> Result<KneeAnatomy, CouplingError> {
+        let file = folder.join(MODEL);
+        let text =
+            std::fs::read_to_string(&file).map_err(|source| InputError::Io { file: file.clone(), source })?;
+        let (frames, springs) = parse(&text, &file)?;
+        let surface = |name: &str| Surface::read(&folder.join(name), LengthUnit::Metre);
+        Ok(KneeAnatomy {
+            femoral_cartilage: surface("femoral_cartilage_r.stl")?,
+            patellar_cartilage: surface("patellar_cartilage_r.stl")?,
+            patella: surface("patella_bone_r.stl")?,
+            frames,
+            springs,
+        })
+    }
+
+    /// From the own frame of a bone into that of the surfaces.
+    pub fn frame(&self, bone: Bone) -> Isometry3<f64> {
+        self.frames[&bone]
+    }
+
+    /// Middle of the upper edge of the patella \[m\]: the mean of its points within `below` \[m\] of the highest one.
+    pub fn base(&self, below: f64) -> Point3<f64> {
+        let frame = self.frame(Bone::Patella);
+        let own: Vec<Point3<f64>> =
+            self.patella.points.iter().map(|p| frame.inverse() * Point3::from(*p)).collect();
+        let top = own.iter().fold(f64::MIN, |top, p| top.max(p.y));
+        let upper: Vec<Vector3<f64>> = own.iter().filter(|p| p.y > top - below).map(|p| p.coords).collect();
+        frame * Point3::from(upper.iter().sum::<Vector3<f64>>() / upper.len() as f64)
+    }
+}
+
+/// What is read of the model.
+#[derive(Deserialize)]
+struct ModelFile {
+    body_to_limb: BTreeMap<String, [[f64; 4]; 4]>,
+    ligaments: Vec<LigamentRow>,
+}
+
+#[derive(Deserialize)]
+struct LigamentRow {
+    name: String,
+    points: Vec<PointRow>,
+}
+
+#[derive(Deserialize)]
+struct PointRow {
+    body: String,
+    native: [f64; 3],
+}
+
+fn malformed(file: &Path, problem: String, remedy: &str) -> InputError {
+    InputError::Malformed { file: PathBuf::from(file), at: Place::Whole, problem, remedy: remedy.to_string() }
+}
+
+/// From the own frame of each bone into that of the surfaces.
+type Frames = BTreeMap<Bone, Isometry3<f64>>;
+
+/// Frames and springs of a model.
+fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError> {
+    let model: ModelFile = serde_json::from_str(text).map_err(|e| {
+        let problem = format!("line {}: {e}", e.line());
+        malformed(file, problem, "it holds `body_to_limb` and `ligaments` as in the folder of the knee")
+    })?;
+    let mut problems = Vec::new();
+    let mut frames = BTreeMap::new();
+    for bone in Bone::ALL {
+        match model.body_to_limb.get(bone.body()) {
+            None => problems.push(format!("`body_to_limb` has no `{}`", bone.body())),
+            Some(rows) => {
+                let R = Matrix3::from_fn(|r, c| rows[r][c]);
+                if !((R.transpose() * R - Matrix3::identity()).amax() < ROTATION && R.determinant() > 0.0) {
+                    problems.push(format!("the matrix of `{}` is no rotation", bone.body()));
+                    continue;
+                }
+                let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R));
+                let place = Translation3::new(rows[0][3], rows[1][3], rows[2][3]);
+                frames.insert(bone, Isometry3::from_parts(place, rotation));
+            }
+        }
+    }
+    if !problems.is_empty() {
+        return Err(
+            malformed(file, problems.join("; "), "give the frames of femur, tibia and patella").into()
+        );
+    }
+    let end = |p: &PointRow| {
+        let bone = Bone::ALL.into_iter().find(|b| b.body() == p.body)?;
+        Some((bone, frames[&bone] * Point3::from(p.native)))
+    };
+    let spring = |row: &LigamentRow| match row.points.as_slice() {
+        [a, b] => Some(Spring { name: row.name.clone(), ends: [end(a)?, end(b)?] }),
+        _ => None,
+    };
+    let springs = model.ligaments.iter().filter_map(spring).collect();
+    Ok((frames, springs))
+}

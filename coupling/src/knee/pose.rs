@@ -1,0 +1,253 @@
+//! Poses of the bones of a knee against its femur, in clinical coordinates, and tables of them.
+
+#![allow(non_snake_case)]
+
+use std::path::Path;
+
+use multibody::InputError;
+use multibody::error::Place;
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use crate::error::CouplingError;
+
+/// Turn between neighbouring rows \[degrees\] beyond which a table is refused.
+const LONGEST_TURN: f64 = 20.0;
+
+/// A bone against the femur: R = Rz(−flexion) Rx(`turn_x`) Ry(`turn_y`), then the place of its origin, x forward, y up, z lateral.
+///
+/// Of the tibia `turn_x` is adduction and `turn_y` internal rotation, of the patella rotation (upper pole to lateral) and medial tilt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coordinates {
+    /// Degrees.
+    pub flexion: f64,
+    /// Degrees.
+    pub turn_x: f64,
+    /// Degrees.
+    pub turn_y: f64,
+    /// Millimetres: forward, up, lateral.
+    pub place: [f64; 3],
+}
+
+impl Coordinates {
+    /// As numbers: three angles \[degrees\] and three lengths \[mm\].
+    pub fn to_array(self) -> [f64; 6] {
+        let [x, y, z] = self.place;
+        [self.flexion, self.turn_x, self.turn_y, x, y, z]
+    }
+
+    /// The inverse of [`to_array`](Coordinates::to_array).
+    pub fn from_array([flexion, turn_x, turn_y, x, y, z]: [f64; 6]) -> Coordinates {
+        Coordinates { flexion, turn_x, turn_y, place: [x, y, z] }
+    }
+
+    /// From the frame of the bone into that of the femur \[m\].
+    pub fn pose(self) -> Isometry3<f64> {
+        let about = |axis, degrees: f64| UnitQuaternion::from_axis_angle(&axis, degrees.to_radians());
+        let rotation = about(Vector3::z_axis(), -self.flexion)
+            * about(Vector3::x_axis(), self.turn_x)
+            * about(Vector3::y_axis(), self.turn_y);
+        Isometry3::from_parts(Translation3::from(1e-3 * Vector3::from(self.place)), rotation)
+    }
+
+    /// The coordinates of a pose; `turn_x` from -90 to 90 degrees.
+    pub fn of(pose: &Isometry3<f64>) -> Coordinates {
+        let R: Matrix3<f64> = Rotation3::from(pose.rotation).into_inner();
+        Coordinates {
+            flexion: R[(0, 1)].atan2(R[(1, 1)]).to_degrees(),
+            turn_x: R[(2, 1)].clamp(-1.0, 1.0).asin().to_degrees(),
+            turn_y: (-R[(2, 0)]).atan2(R[(2, 2)]).to_degrees(),
+            place: (1e3 * pose.translation.vector).into(),
+        }
+    }
+}
+
+/// Poses of the tibia by flexion of the knee, ascending.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TibiaPath {
+    rows: Vec<Coordinates>,
+}
+
+/// Columns of a table of poses, in the order of [`Coordinates::to_array`].
+const COLUMNS: [&str; 6] = [
+    "knee_flexion_deg",
+    "knee_adduction_deg",
+    "knee_internal_rotation_deg",
+    "knee_anterior_mm",
+    "knee_proximal_mm",
+    "knee_lateral_mm",
+];
+
+impl TibiaPath {
+    /// Reads a table of poses (CSV); all mistakes at once. Other columns are left alone.
+    pub fn read(file: &Path) -> Result<TibiaPath, CouplingError> {
+        let text =
+            std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
+        TibiaPath::parse(&text, file)
+    }
+
+    /// The same of its text.
+    pub fn parse(text: &str, file: &Path) -> Result<TibiaPath, CouplingError> {
+        let [rows] = columns(text, file, [COLUMNS])?.try_into().expect("one group of columns");
+        TibiaPath::new(rows, file)
+    }
+
+    /// Refuses rows whose flexion does not increase, and turns of more than 20 degrees between neighbours.
+    fn new(rows: Vec<(usize, Coordinates)>, file: &Path) -> Result<TibiaPath, CouplingError> {
+        let mut problems = Vec::new();
+        for pair in rows.windows(2) {
+            let [(_, a), (line, b)] = [pair[0], pair[1]];
+            if b.flexion <= a.flexion {
+                problems.push(format!(
+                    "line {line}: knee_flexion_deg is {}, must be above {} of the row before",
+                    b.flexion, a.flexion
+                ));
+            }
+            let turn = a.pose().rotation.angle_to(&b.pose().rotation).to_degrees();
+            if turn > LONGEST_TURN {
+                problems.push(format!(
+                    "line {line}: the tibia turns by {turn:.1} degrees from the row before, must be at most {LONGEST_TURN}"
+                ));
+            }
+        }
+        if rows.is_empty() {
+            problems.push("no rows".to_string());
+        }
+        if problems.is_empty() {
+            return Ok(TibiaPath { rows: rows.into_iter().map(|(_, c)| c).collect() });
+        }
+        Err(malformed(
+            file,
+            problems,
+            "give poses in the order of flexion, close enough to follow each other",
+        ))
+    }
+
+    /// Least and greatest flexion \[degrees\].
+    pub fn range(&self) -> [f64; 2] {
+        [self.rows[0].flexion, self.rows[self.rows.len() - 1].flexion]
+    }
+
+    /// Rows as they are.
+    pub fn rows(&self) -> &[Coordinates] {
+        &self.rows
+    }
+
+    /// The pose at a flexion \[degrees\], linear between rows; that of the nearest end outside.
+    pub fn at(&self, flexion: f64) -> Coordinates {
+        let [first, last] = self.range();
+        let flexion = flexion.clamp(first, last);
+        let next = self.rows.partition_point(|r| r.flexion < flexion).max(1).min(self.rows.len() - 1);
+        let [a, b] = [self.rows[next.saturating_sub(1)], self.rows[next]].map(Coordinates::to_array);
+        let t = if b[0] > a[0] { (flexion - a[0]) / (b[0] - a[0]) } else { 0.0 };
+        Coordinates::from_array(std::array::from_fn(|c| a[c] + t * (b[c] - a[c])))
+    }
+}
+
+/// Columns of a table that hold the patella.
+const PATELLA: [&str; 6] = [
+    "patella_flexion_deg",
+    "patella_rotation_deg",
+    "patella_medial_tilt_deg",
+    "patella_anterior_mm",
+    "patella_proximal_mm",
+    "patella_lateral_mm",
+];
+
+/// Measured poses of tibia and patella, row by row.
+pub fn read_measured(file: &Path) -> Result<Vec<[Coordinates; 2]>, CouplingError> {
+    let text =
+        std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
+    let groups = columns(&text, file, [COLUMNS, PATELLA])?;
+    Ok(groups[0].iter().zip(&groups[1]).map(|((_, tibia), (_, patella))| [*tibia, *patella]).collect())
+}
+
+/// Rows of a table with their lines, one list per group of six columns.
+pub(super) fn columns<const N: usize>(
+    text: &str,
+    file: &Path,
+    groups: [[&str; 6]; N],
+) -> Result<Vec<Vec<(usize, Coordinates)>>, CouplingError> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|e| malformed(file, vec![e.to_string()], "give a header"))?.clone();
+    let mut problems = Vec::new();
+    let mut place = |name: &str| {
+        let at = header.iter().position(|h| h.trim() == name);
+        if at.is_none() {
+            problems.push(format!("column `{name}` is missing"));
+        }
+        at.unwrap_or(0)
+    };
+    let places = groups.map(|group| group.map(&mut place));
+    if !problems.is_empty() {
+        return Err(malformed(file, problems, "give all columns of the table"));
+    }
+    let mut out = vec![Vec::new(); N];
+    for row in reader.records() {
+        let row = match row {
+            Ok(row) => row,
+            Err(e) => {
+                problems.push(e.to_string());
+                continue;
+            }
+        };
+        let line = row.position().map_or(0, |p| p.line() as usize);
+        for (group, list) in places.iter().zip(&mut out) {
+            let mut number = |column: usize| {
+                let cell = row.get(column).unwrap_or("").trim();
+                let value = cell.parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() <= 1e3);
+                value.unwrap_or_else(|| {
+                    problems.push(format!(
+                        "line {line}: {} is `{cell}`, must be a number from -1000 to 1000",
+                        &header[column]
+                    ));
+                    f64::NAN
+                })
+            };
+            let values = group.map(&mut number);
+            list.push((line, Coordinates::from_array(values)));
+        }
+    }
+    if problems.is_empty() {
+        return Ok(out);
+    }
+    Err(malformed(file, problems, "mend these cells"))
+}
+
+fn malformed(file: &Path, problems: Vec<String>, remedy: &str) -> CouplingError {
+    let problem = problems.join("; ");
+    InputError::Malformed { file: file.into(), at: Place::Whole, problem, remedy: remedy.into() }.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_come_back_from_their_pose() {
+        let given = [70.0, -12.0, 8.0, 53.0, -17.0, 4.0];
+        let found = Coordinates::of(&Coordinates::from_array(given).pose()).to_array();
+        assert!(given.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        // Flexion takes what is proximal forward.
+        let bent = Coordinates::from_array([90.0, 0.0, 0.0, 0.0, 0.0, 0.0]).pose();
+        let tip = bent * nalgebra::Point3::new(0.0, 1.0, 0.0);
+        assert!((tip - nalgebra::Point3::new(1.0, 0.0, 0.0)).norm() < 1e-12, "{tip}");
+    }
+
+    #[test]
+    fn a_path_is_linear_between_its_rows_and_its_mistakes_are_named_all_at_once() {
+        let header = COLUMNS.join(",");
+        let path = |rows: &str| TibiaPath::parse(&format!("{header}\n{rows}"), "t.csv".as_ref());
+        let good = path("0,0,0,1,2,3\n10,1,4,2,0,3\n").unwrap();
+        assert_eq!(good.at(2.5).to_array(), [2.5, 0.25, 1.0, 1.25, 1.5, 3.0]);
+        assert_eq!([good.at(-5.0), good.at(50.0)], [good.rows()[0], good.rows()[1]]);
+        let said = path("0,0,0,1,2,3\n-1,0,0,0,0,0\n40,0,0,0,0,0\n").unwrap_err().to_string();
+        let needed =
+            ["t.csv", "line 3: knee_flexion_deg is -1, must be above 0", "line 4: the tibia turns by 41.0"];
+        assert!(needed.iter().all(|n| said.contains(n)), "{said}");
+        let said = path("0,0,x,1,2,3\n1,0,0,NaN,0,0\n").unwrap_err().to_string();
+        let needed = ["line 2: knee_internal_rotation_deg is `x`", "line 3: knee_anterior_mm is `NaN`"];
+        assert!(needed.iter().all(|n| said.contains(n)), "{said}");
+        let said = TibiaPath::parse("knee_flexion_deg\n1\n", "t.csv".as_ref()).unwrap_err().to_string();
+        assert!(said.contains("column `knee_lateral_mm` is missing"), "{said}");
+    }
+}
