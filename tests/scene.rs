@@ -53,7 +53,17 @@ fn a_scene_is_read_and_compiled() {
     assert_eq!(plan.effects, [("block".to_string(), 16), ("fibres".to_string(), 8)]);
     assert_eq!(
         plan.absent,
-        ["membranes", "strands", "gravity", "inertia", "pressures", "patch pressures", "forces", "contact"]
+        [
+            "membranes",
+            "strands",
+            "gravity",
+            "inertia",
+            "pressures",
+            "patch pressures",
+            "forces",
+            "free bodies",
+            "contact"
+        ]
     );
     assert_eq!(plan.islands.len(), 1);
     // 45 nodes; 9 tied, 9 with a prescribed x.
