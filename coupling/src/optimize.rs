@@ -474,9 +474,8 @@ impl Known {
         let capacities = match thigh {
             None => capacities,
             Some(thigh) => {
-                let of_lines = |k: usize| &capacities[if capacities.len() > 1 { k } else { 0 }];
                 let times = loads.time.iter().enumerate();
-                times.map(|(k, &time)| thigh.at(time, model, of_lines(k))).collect()
+                times.map(|(k, &time)| thigh.at(time, model, of_frame(&capacities, k))).collect()
             }
         };
         let passive = form.passive.of_joints().then(|| {
@@ -491,8 +490,13 @@ impl Known {
 
     /// Capacity of a reported frame.
     pub fn capacity(&self, frame: usize) -> &Capacity {
-        &self.capacities[if self.capacities.len() > 1 { frame } else { 0 }]
+        of_frame(&self.capacities, frame)
     }
+}
+
+/// One capacity holds for all frames, or each has its own.
+fn of_frame(capacities: &[Capacity], frame: usize) -> &Capacity {
+    &capacities[if capacities.len() > 1 { frame } else { 0 }]
 }
 
 fn source_name(source: &trial_file::Landmarks) -> &'static str {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use multibody::InputError;
 use multibody::error::{Mistakes, Place, unknown};
 use multibody::model::Model;
-use multibody::sharing::{Capacity, LeverArm};
+use multibody::sharing::Capacity;
 
 use crate::error::CouplingError;
 use crate::thigh::lines::lines_of_muscles;
@@ -48,6 +48,8 @@ pub struct ThighCapacities {
     pub file: PathBuf,
     /// Coordinates of the lever arms, by name.
     coordinates: Vec<String>,
+    /// Lines of every muscle that there is.
+    lines: BTreeMap<String, Vec<String>>,
     /// By their time; all have the same muscles.
     instants: Vec<Instant>,
 }
@@ -99,6 +101,7 @@ impl ThighCapacities {
         let known = lines_of_muscles();
         let mut read = ThighCapacities {
             file: file.to_path_buf(),
+            lines: known.clone(),
             coordinates: arms.iter().map(|(_, name)| name.clone()).collect(),
             instants: Vec::new(),
         };
@@ -206,18 +209,13 @@ impl ThighCapacities {
         let names = model.coordinate_names();
         for (muscle, ability) in &before.abilities {
             let ability = ability.towards(&after.abilities[muscle], fraction);
-            let lines: Vec<usize> = (lines_of_muscles()[muscle].iter())
+            let lines: Vec<usize> = (self.lines[muscle].iter())
                 .filter_map(|line| model.muscles.iter().position(|m| m.name == *line))
                 .collect();
-            let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
-            for i in lines {
-                capacity.bounds[i] = ability.bounds.map(|b| b * model.muscles[i].f_max / strength);
-                for (name, arm) in self.coordinates.iter().zip(&ability.arms) {
-                    if let Some(coordinate) = names.iter().position(|n| n == name) {
-                        capacity.lever_arms.push(LeverArm { coordinate, muscle: i, arm: *arm });
-                    }
-                }
-            }
+            let arms: Vec<(usize, f64)> = (self.coordinates.iter().zip(&ability.arms))
+                .filter_map(|(name, arm)| Some((names.iter().position(|n| n == name)?, *arm)))
+                .collect();
+            capacity.give(&lines, |i| model.muscles[i].f_max, ability.bounds, &arms);
         }
         capacity
     }

@@ -18,7 +18,7 @@ use fem::solve::{Iteration, Settings};
 use multibody::loads::Loads;
 use multibody::model::Model;
 use multibody::share::{SharingSettings, names, problem};
-use multibody::sharing::{Capacity, LeverArm, SharingProblem, SharingSolver};
+use multibody::sharing::{Capacity, SharingProblem, SharingSolver};
 use multibody::trial::Status;
 use nalgebra::{DMatrix, DVector};
 
@@ -415,14 +415,8 @@ pub fn sharing_problem(
 ) -> Option<SharingProblem> {
     let mut capacity = Capacity::nominal(model.muscles.iter().map(|m| m.f_max).collect());
     for ((of_muscle, unit), lines) in capacities.iter().zip(units).zip(lines) {
-        let bounds = of_muscle.bounds(unit);
-        let strength: f64 = lines.iter().map(|&i| model.muscles[i].f_max).sum();
-        for &i in lines {
-            let fraction = model.muscles[i].f_max / strength;
-            capacity.bounds[i] = bounds.map(|bound| fraction * bound);
-            let arms = of_muscle.lever_arms.into_iter().enumerate();
-            capacity.lever_arms.extend(arms.map(|(coordinate, arm)| LeverArm { coordinate, muscle: i, arm }));
-        }
+        let arms: Vec<(usize, f64)> = of_muscle.lever_arms.into_iter().enumerate().collect();
+        capacity.give(lines, |i| model.muscles[i].f_max, of_muscle.bounds(unit), &arms);
     }
     problem(model, loads, row, &capacity, &SharingSettings::default())
 }

@@ -31,6 +31,24 @@ impl Capacity {
         Capacity { force_per_activation: f_max, bounds, lever_arms: Vec::new() }
     }
 
+    /// Gives the `lines` of a muscle what it can do as a whole: each its lever arms (coordinate and arm \[m\]), and of its least and greatest
+    /// tension \[N\] the fraction that its strength is of the strengths of all.
+    pub fn give(
+        &mut self,
+        lines: &[usize],
+        strength: impl Fn(usize) -> f64,
+        bounds: [f64; 2],
+        arms: &[(usize, f64)],
+    ) {
+        let all: f64 = lines.iter().map(|&i| strength(i)).sum();
+        for &muscle in lines {
+            let fraction = strength(muscle) / all;
+            self.bounds[muscle] = bounds.map(|bound| fraction * bound);
+            let arms = arms.iter().map(|&(coordinate, arm)| LeverArm { coordinate, muscle, arm });
+            self.lever_arms.extend(arms);
+        }
+    }
+
     /// Lever arms \[m\], n_coordinates × n_muscles: those of the muscle lines where nothing else is given.
     pub fn arms(&self, of_lines: &DMatrix<f64>) -> DMatrix<f64> {
         let mut arms = of_lines.clone();

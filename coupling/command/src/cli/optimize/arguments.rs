@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
+use multibody::informed::Informed;
 use multibody::model::{Ankle, KneeKind};
 use multibody::muscle::curves::{Curves, DeGroote2016};
 use multibody::muscle::hill::{self, Tendon};
@@ -349,13 +350,7 @@ impl OptimizeArguments {
             .raise_bounds
             .map_or("never".into(), |limit| format!("by up to {} where a frame is infeasible", short(limit)));
         let reserves = self.reserves.map_or("none".into(), |w| format!("weight {} 1/(N·m)²", short(w)));
-        let heeded = done.informed.as_ref().map_or("no".into(), |informed| {
-            format!(
-                "weight {}; every channel is taken to reach an activation of {:.2}",
-                short(informed.weight),
-                informed.activation
-            )
-        });
+        let heeded = done.informed.as_ref().map_or("no".into(), heeded);
         let force_hz = case.filters.force_hz.map_or("none".into(), |hz| format!("{} Hz", short(hz)));
         let curves = match self.curves {
             CurveChoice::Thelen => "Thelen 2003, gait2392 parameters",
@@ -407,6 +402,12 @@ fn knee_centre(done: &Optimized) -> String {
             mm(c.moved[1])
         ),
     }
+}
+
+/// How electromyograms are heeded, in words.
+pub(super) fn heeded(informed: &Informed) -> String {
+    let Informed { weight, activation, .. } = informed;
+    format!("weight {}; every channel is taken to reach an activation of {activation:.2}", short(*weight))
 }
 
 /// The ankle as its option names it.

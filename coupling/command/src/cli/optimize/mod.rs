@@ -121,7 +121,7 @@ pub fn run(arguments: &OptimizeArguments, quiet: bool) -> Result<Outcome, Comman
     progress.lap("write");
     drop(progress);
     say(arguments.json, &summary, |out| print(out, &leg.done, &summary, &folder, files.len()));
-    Ok(outcome(&[&leg]))
+    Ok(outcome(&[(&leg, &summary)]))
 }
 
 /// Stages of one leg.
@@ -180,7 +180,7 @@ fn run_both(
         }
         writeln!(out, "both legs side by side: {}", folder.join("report.html").display())
     });
-    Ok(outcome(&[&legs[0], &legs[1]]))
+    Ok(outcome(&[(&legs[0], &verdict.right), (&legs[1], &verdict.left)]))
 }
 
 /// Legs in the order of their results.
@@ -213,10 +213,9 @@ fn stopped(side: Side, error: CouplingError) -> CommandError {
     }
 }
 
-fn outcome(legs: &[&Leg]) -> Outcome {
-    let is_solved = |leg: &&Leg| {
-        Summary::of(&leg.report()).all_solved()
-            && leg.done.with_thigh.as_ref().is_none_or(WithThigh::is_solved)
+fn outcome(legs: &[(&Leg, &Summary)]) -> Outcome {
+    let is_solved = |(leg, summary): &(&Leg, &Summary)| {
+        summary.all_solved() && leg.done.with_thigh.as_ref().is_none_or(WithThigh::is_solved)
     };
     if legs.iter().all(is_solved) { Outcome::Solved } else { Outcome::NotSolved }
 }

@@ -6,10 +6,10 @@ use std::path::Path;
 use multibody::emg;
 use multibody::sharing::KKT_TOLERANCE;
 
-use super::arguments::{OptimizeArguments, word};
+use super::arguments::{OptimizeArguments, heeded, word};
 use crate::report::problems::{Mark, Run, runs};
 use crate::report::{Summary, total_knee_force};
-use coupling::number::{plain, short};
+use coupling::number::plain;
 use coupling::optimize::Optimized;
 use coupling::subject::words;
 
@@ -236,12 +236,7 @@ pub(super) fn print(
         }
     }
     if let Some(informed) = &done.informed {
-        writeln!(
-            out,
-            "  EMG heeded             weight {}; every channel is taken to reach an activation of {:.2}",
-            short(informed.weight),
-            informed.activation
-        )?;
+        writeln!(out, "  EMG heeded             {}", heeded(informed))?;
     }
     if let Some(with_thigh) = &done.with_thigh {
         let peak = |effort| total_knee_force(effort).unwrap_or_default().into_iter().fold(f64::NAN, f64::max);
