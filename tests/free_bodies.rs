@@ -12,9 +12,10 @@ use fem::scene::{
     BodyForceSpec, ContactMode, ContactSpec, Coordinate, FreeBodySpec, InertiaSpec, PrescribedSpec, Scene,
     StrandSpec, TieSpec,
 };
-use fem::solve::{BlockMatrix, Loading, Potential, Settings, SolveError};
+use fem::solve::{Loading, Potential, Settings, SolveError};
 use nalgebra::{Isometry3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
-use support::{Random, taylor_order};
+use support::Random;
+use support::fem_scenes::derivative_orders;
 
 /// What is asked of an equilibrium: 0.01 N and 0.1 N mm.
 const FORCE: f64 = 0.01;
@@ -267,19 +268,7 @@ fn forces_and_stiffness_are_derivatives_of_the_energy() {
     for (i, _) in potential.fixed().iter().enumerate().filter(|(_, fixed)| **fixed) {
         (u[i], w[i]) = (0.0, 0.0);
     }
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let at = |h: f64| x.iter().zip(&u).map(|(x, u)| x + 1e-4 * h * u).collect::<Vec<f64>>();
-    let gradient = |x: &[f64]| {
-        let mut g = vec![0.0; x.len()];
-        potential.gradient(x, &mut g);
-        g
-    };
-    let mut k = BlockMatrix::zeros(potential.pattern().clone());
-    potential.hessian(&x, 0.0, &mut k);
-    let mut ku = vec![0.0; x.len()];
-    k.multiply(&u, &mut ku);
-    let of_energy = taylor_order(|h| potential.energy(&at(h)), 1e-4 * dot(&gradient(&x), &u), 0.1);
-    let of_forces = taylor_order(|h| dot(&gradient(&at(h)), &w), 1e-4 * dot(&ku, &w), 0.1);
+    let [of_energy, of_forces] = derivative_orders(&potential, &x, [&u, &w], 1e-4);
     assert!(of_energy > 1.9 && of_forces > 1.9, "orders {of_energy:.2} and {of_forces:.2}");
 }
 

@@ -4,10 +4,10 @@ use fem::effect::{Effect, EffectKind, Groups, State};
 use fem::mesh::generate;
 use fem::plan::{Builder, LoadedIsland, Plan, Term};
 use fem::scene::Scene;
-use fem::solve::{BlockMatrix, Loading, Potential};
+use fem::solve::Loading;
 use nalgebra::{Matrix3, Vector3};
-use support::fem_scenes::{held, mooney_rivlin, solid, solve, tolerance};
-use support::{Random, taylor_order};
+use support::Random;
+use support::fem_scenes::{derivative_orders, held, mooney_rivlin, solid, solve, tolerance};
 
 /// k (l − l₀)² / 2 between two nodes.
 struct Spring {
@@ -98,18 +98,6 @@ fn its_forces_and_stiffness_are_derivatives_of_its_energy() {
     let mut random = Random::new(3);
     let mut direction = || (0..x.len()).map(|_| random.uniform()).collect::<Vec<f64>>();
     let (u, w) = (direction(), direction());
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let at = |h: f64| x.iter().zip(&u).map(|(x, u)| x + 1e-3 * h * u).collect::<Vec<f64>>();
-    let gradient = |x: &[f64]| {
-        let mut g = vec![0.0; x.len()];
-        potential.gradient(x, &mut g);
-        g
-    };
-    let mut k = BlockMatrix::zeros(potential.pattern().clone());
-    potential.hessian(&x, 0.0, &mut k);
-    let mut ku = vec![0.0; x.len()];
-    k.multiply(&u, &mut ku);
-    let of_energy = taylor_order(|h| potential.energy(&at(h)), 1e-3 * dot(&gradient(&x), &u), 0.1);
-    let of_forces = taylor_order(|h| dot(&gradient(&at(h)), &w), 1e-3 * dot(&ku, &w), 0.1);
+    let [of_energy, of_forces] = derivative_orders(&potential, &x, [&u, &w], 1e-3);
     assert!(of_energy > 1.9 && of_forces > 1.9, "orders {of_energy:.2} and {of_forces:.2}");
 }

@@ -4,7 +4,9 @@ use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
 use fem::run::{Drive, Frame, run};
 use fem::scene::{FibreDirection, FormulationSpec, LawSpec, PrescribedSpec, Scene, SolidSpec};
-use fem::solve::Settings;
+use fem::solve::{BlockMatrix, Potential, Settings};
+
+use crate::taylor_order;
 
 /// Every solid law with constants of soft tissue, moderately compressible.
 pub fn laws() -> Vec<(&'static str, LawSpec)> {
@@ -100,4 +102,24 @@ pub fn solve(plan: &Plan, controls: &[(&str, f64)], settings: &Settings) -> Fram
     let mut run = run(plan, &drive, settings, None, &mut |_| {});
     assert!(run.is_solved(), "{}", run.errors[0]);
     run.frames.pop().expect("one frame")
+}
+
+/// Orders at which energy and forces of a potential near `x` leave their first derivatives along `step` · `u`: 2 where gradient and Hessian are
+/// right. Forces are seen along `w`.
+pub fn derivative_orders(potential: &dyn Potential, x: &[f64], [u, w]: [&[f64]; 2], step: f64) -> [f64; 2] {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let at = |h: f64| x.iter().zip(u).map(|(x, u)| x + step * h * u).collect::<Vec<f64>>();
+    let gradient = |x: &[f64]| {
+        let mut g = vec![0.0; x.len()];
+        potential.gradient(x, &mut g);
+        g
+    };
+    let mut k = BlockMatrix::zeros(potential.pattern().clone());
+    potential.hessian(x, 0.0, &mut k);
+    let mut ku = vec![0.0; x.len()];
+    k.multiply(u, &mut ku);
+    [
+        taylor_order(|h| potential.energy(&at(h)), step * dot(&gradient(x), u), 0.1),
+        taylor_order(|h| dot(&gradient(&at(h)), w), step * dot(&ku, w), 0.1),
+    ]
 }
