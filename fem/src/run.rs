@@ -2,7 +2,8 @@
 
 use crate::measure::{Sides, Snapshot, prescribed_overlaps};
 use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
-use crate::solve::{Admissible, Advance, Iteration, Loading, Settings, SolveError, Solver, Way};
+use crate::explicit::Relaxation;
+use crate::solve::{Admissible, Advance, Iteration, Loading, Method, Settings, SolveError, Solver, Way};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -294,7 +295,15 @@ impl<'a> Session<'a> {
                         // What nothing can move is at its minimum.
                         Ok(Advance { least_det_f, tested_stable: true, ..Advance::default() })
                     }
-                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
+                    false => match self.settings.method {
+                        Method::Newton => solver.advance(&mut potential, &mut free, step, &mut rows),
+                        Method::Relaxation => Relaxation::new(&island.name, self.settings).advance(
+                            &mut potential,
+                            &mut free,
+                            step,
+                            &mut rows,
+                        ),
+                    },
                 };
                 Solved { local: potential.expand(&free), result, rows }
             })

@@ -36,7 +36,7 @@ pub struct Iteration {
 }
 
 impl Iteration {
-    pub(super) fn trace(&self) {
+    pub(crate) fn trace(&self) {
         tracing::debug!(
             island = %self.island,
             step = self.step,

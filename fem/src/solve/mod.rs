@@ -30,4 +30,4 @@ pub use log::{Iteration, IterationLog};
 pub use outcome::{Advance, NotConverged, Reason, SolveError};
 pub use potential::{Admissible, Loading, Potential};
 pub use rigid::{LooseComponent, loose_components};
-pub use solver::{Settings, Solver, Stability, Way};
+pub use solver::{Method, Settings, Solver, Stability, Way};

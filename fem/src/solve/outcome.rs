@@ -107,6 +107,11 @@ pub enum Reason {
         /// Linear systems that it may solve.
         most: usize,
     },
+    /// The motion has not come to rest.
+    NotSettled {
+        /// Time steps that it may take.
+        steps: usize,
+    },
     /// Every equilibrium that was found is a saddle of the potential.
     Unstable,
     /// A gradient or energy that is not a number.
@@ -143,6 +148,11 @@ impl std::fmt::Display for Reason {
                 f,
                 "{most} linear systems are solved, and no frame may take more; a way of shorter frames shows where it \
                  gets hard, `max_work` allows for more"
+            ),
+            Reason::NotSettled { steps } => write!(
+                f,
+                "it has not come to rest in {steps} time steps, and no frame may take more; `max_steps` allows for more, and Newton's method \
+                 needs fewer where stiffness and softness are far apart"
             ),
             Reason::Unstable => {
                 write!(f, "every equilibrium found is unstable, and left for another one that is")
