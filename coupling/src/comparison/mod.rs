@@ -46,6 +46,8 @@ pub const SETTINGS: Settings = Settings {
     max_iterations: 400,
     max_work: 5000,
     max_steps: 100_000,
+    time_step_factor: 1.0,
+    damping: 0.0,
     first_step: 1.0,
     least_step: 1e-4,
     double_precision_factor: false,

@@ -28,7 +28,7 @@ pub struct Bound {
 const PIECE: usize = 512;
 /// Steps of the power method: the first time, and from the shape of the time before. The spectrum is dense at its end, so that after 40 steps
 /// the quotient is within [`MARGIN`] of it.
-const POWERS: [usize; 2] = [40, 10];
+pub const POWERS: [usize; 2] = [40, 10];
 /// Factor on the largest eigenvalue that the power method found, which comes to it from below. Steps that are too long all the same are seen
 /// (see [`Masses::quotient`]) and answered.
 pub const MARGIN: f64 = 1.1;

@@ -45,6 +45,11 @@ impl LoadedIsland {
         self
     }
 
+    /// The island.
+    pub fn island(&self) -> &Arc<Island> {
+        &self.island
+    }
+
     /// What `of` says of an effect as the solver sees it.
     fn effect<T>(&self, effect: usize, of: impl FnOnce(&dyn Effect) -> T) -> T {
         let effect = self.island.effects[effect].as_ref();

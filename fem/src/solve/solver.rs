@@ -45,6 +45,8 @@ pub enum Method {
     Newton,
     /// Dynamic relaxation, without matrices.
     Relaxation,
+    /// Central differences in time, without matrices: motion of what has inertia.
+    Explicit,
 }
 
 /// How the solver works.
@@ -64,6 +66,10 @@ pub struct Settings {
     pub max_work: usize,
     /// Time steps that a frame may take per island where there are no matrices, at least 1.
     pub max_steps: usize,
+    /// Explicit dynamics: time step over the longest that the masses bear, at least 1; above 1 masses are added where it takes them.
+    pub time_step_factor: f64,
+    /// Explicit dynamics: rate at which velocities fade \[1/s\], 0 or positive.
+    pub damping: f64,
     /// First load step, above 0; 1 is all at once.
     pub first_step: f64,
     /// Load steps shorter than this are not tried; above 0.
@@ -85,6 +91,8 @@ impl Default for Settings {
             max_iterations: 60,
             max_work: 5000,
             max_steps: 100_000,
+            time_step_factor: 1.0,
+            damping: 0.0,
             first_step: 1.0,
             least_step: 1e-4,
             double_precision_factor: false,
@@ -103,7 +111,8 @@ fn runs_away(good: &[f64], x: &[f64]) -> Option<Reason> {
 impl Settings {
     /// Everything that cannot be, with what it must be.
     pub fn mistakes(&self) -> Vec<String> {
-        let Settings { tolerance, least_force, max_iterations, max_work, max_steps, first_step, least_step, .. } = self;
+        let Settings { tolerance, least_force, max_iterations, max_work, max_steps, time_step_factor, damping, first_step, least_step, .. } =
+            self;
         let number = |value: &f64| format!("{value:e}");
         [
             ("tolerance", number(tolerance), *tolerance > 0.0 && *tolerance < 1.0, "above 0 and below 1"),
@@ -116,6 +125,18 @@ impl Settings {
             ("max_iterations", max_iterations.to_string(), *max_iterations > 0, "at least 1"),
             ("max_work", max_work.to_string(), *max_work > 0, "at least 1"),
             ("max_steps", max_steps.to_string(), *max_steps > 0, "at least 1"),
+            (
+                "time_step_factor",
+                number(time_step_factor),
+                *time_step_factor >= 1.0 && time_step_factor.is_finite(),
+                "at least 1",
+            ),
+            (
+                "damping [1/s]",
+                number(damping),
+                *damping >= 0.0 && damping.is_finite(),
+                "0 or a positive number",
+            ),
             (
                 "first_step",
                 number(first_step),

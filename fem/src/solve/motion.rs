@@ -1,0 +1,62 @@
+//! How an island moved in time, and what its energies came to.
+
+/// How an island moved during a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Time steps.
+    pub steps: usize,
+    /// Shortest time step \[s\], the last one left out.
+    pub time_step: f64,
+    /// Time step that needs no mass to be added \[s\].
+    pub natural_step: f64,
+    /// Mass of what can move \[kg\].
+    pub mass: f64,
+    /// Mass added to it, at most, mean of the three directions \[kg\].
+    pub added_mass: f64,
+    /// Kinetic energy at the end \[J\], of the added mass too.
+    pub kinetic: f64,
+    /// Potential energy gained \[J\].
+    pub stored: f64,
+    /// Energy that damping took \[J\].
+    pub dissipated: f64,
+    /// Work of what is prescribed: motions, activations, loads \[J\].
+    pub work: f64,
+    /// Kinetic energy at the start \[J\].
+    pub kinetic_before: f64,
+    /// Largest kinetic energy on the way \[J\].
+    pub largest_kinetic: f64,
+}
+
+/// Added mass beside the mass of what can move from which on it is said: as the kinetic energy of what is taken for slow, a twentieth.
+pub const HEAVY: f64 = 0.05;
+
+impl Motion {
+    /// Energy at the end that nothing accounts for \[J\].
+    pub fn missing(&self) -> f64 {
+        self.kinetic + self.stored + self.dissipated - self.work - self.kinetic_before
+    }
+
+    /// The energies in play \[J\].
+    pub fn in_play(&self) -> f64 {
+        [self.largest_kinetic, self.stored.abs(), self.dissipated, self.work.abs()].into_iter().fold(0.0, f64::max)
+    }
+
+    /// Added mass relative to the mass of what can move.
+    pub fn added(&self) -> f64 {
+        if self.mass > 0.0 { self.added_mass / self.mass } else { 0.0 }
+    }
+
+    /// What is to be said of mass that changes the motion; `None`: nothing.
+    pub fn warning(&self) -> Option<String> {
+        (self.added() > HEAVY).then(|| {
+            format!(
+                "steps of {:.1e} s, {:.0} times as long as the material bears, take {:.1e} kg more, {:.0} % of the mass that moves: \
+                 what is fast is wrong, and rest comes later; a smaller `time_step_factor` takes less",
+                self.time_step,
+                self.time_step / self.natural_step,
+                self.added_mass,
+                100.0 * self.added()
+            )
+        })
+    }
+}
