@@ -51,7 +51,10 @@ fn main() {
             let off = size(std::array::from_fn(|c| force[c] - before[c])) / size(before);
             let each = 1e9 * seconds / (steps * elements) as f64;
             let unknowns = plan.n_unknowns();
-            println!("{case}_{n} {name} {elements} {unknowns} {steps} {seconds:.3} {each:.0} {:.6} {off:.1e}", size(force));
+            println!(
+                "{case}_{n} {name} {elements} {unknowns} {steps} {seconds:.3} {each:.0} {:.6} {off:.1e}",
+                size(force)
+            );
         }
     }
 }
@@ -78,7 +81,12 @@ fn block(n: usize) -> Case {
         ..held("z_max")
     };
     let solids = mesh.blocks.iter().map(|b| SolidSpec::new(&b.name, tissue())).collect();
-    (Scene { solids, prescribed: vec![held("z_min"), pressed], ..Scene::default() }, mesh, "z_max", ("press", 1.0))
+    (
+        Scene { solids, prescribed: vec![held("z_min"), pressed], ..Scene::default() },
+        mesh,
+        "z_max",
+        ("press", 1.0),
+    )
 }
 
 /// `activation` = 0.5 contracts the fibres, three times as many on one side as on the other.
@@ -86,7 +94,8 @@ fn bar(n: usize) -> Case {
     let mesh = generate::bars(1, [30 * n, n, n], [0.3, 0.03, 0.03], 0.005);
     let (lines, segments) = ((n + 1) * (n + 1), 30 * n);
     let lean = |line: usize, s: usize| {
-        ((line % (n + 1)) as f64 / n as f64 - 0.5) * (s as f64 / segments as f64 * std::f64::consts::TAU).cos()
+        ((line % (n + 1)) as f64 / n as f64 - 0.5)
+            * (s as f64 / segments as f64 * std::f64::consts::TAU).cos()
     };
     let area = (0..lines * segments)
         .map(|i| 9e-4 / lines as f64 * (1.0 + lean(i / segments, i % segments)))
@@ -94,7 +103,12 @@ fn bar(n: usize) -> Case {
     let fibres = FibreSpec {
         name: "fibres".into(),
         course: Course::Region("muscle_00_fibres".into()),
-        law: FibreLawSpec::Thermal { young: 1e6, contraction: 0.15, strain: FibreStrain::Logarithmic, toe: Some(0.01) },
+        law: FibreLawSpec::Thermal {
+            young: 1e6,
+            contraction: 0.15,
+            strain: FibreStrain::Logarithmic,
+            toe: Some(0.01),
+        },
         area,
         activation: Some("activation".into()),
     };

@@ -238,13 +238,14 @@ fn in_time(run: &Run) -> Option<serde_json::Value> {
     let motions = || run.frames.iter().flat_map(|f| &f.islands).filter_map(|island| island.motion.as_ref());
     motions().next()?;
     let most = |of: &dyn Fn(&Motion) -> f64| motions().map(of).fold(0.0, f64::max);
-    let missing = |m: &Motion| if m.in_play() > 0.0 { m.missing().abs() / m.in_play() } else { 0.0 };
+    let (missing, in_play) = (most(&|m| m.missing().abs()), most(&Motion::in_play));
     let shortest = motions().map(|m| m.time_step).fold(f64::INFINITY, f64::min);
     Some(json!({
         "time_steps": motions().map(|m| m.steps).sum::<usize>(),
         "shortest_time_step_s": shortest,
         "added_mass_fraction": most(&Motion::added),
-        "missing_energy_fraction": most(&missing),
+        "missing_energy_J": missing,
+        "energy_in_play_J": in_play,
         "dissipated_J": motions().map(|m| m.dissipated).sum::<f64>(),
         "work_J": motions().map(|m| m.work).sum::<f64>(),
         "warnings": motions().filter_map(Motion::warning).collect::<std::collections::BTreeSet<_>>(),

@@ -104,16 +104,29 @@ pub(crate) fn load(
 type PackedAdvance = ([u64; 21], Vec<u64>, Vec<u64>, Vec<u64>);
 
 fn pack_motion(m: &Motion) -> Vec<u64> {
-    let values = [m.time_step, m.natural_step, m.mass, m.added_mass, m.kinetic, m.stored, m.dissipated, m.work];
-    let more = [m.kinetic_before, m.largest_kinetic];
+    let values =
+        [m.time_step, m.natural_step, m.mass, m.added_mass, m.kinetic, m.stored, m.dissipated, m.work];
+    let more = [m.kinetic_before, m.largest_kinetic, m.lag, m.added_kinetic];
     std::iter::once(m.steps as u64).chain(values.into_iter().chain(more).map(f64::to_bits)).collect()
 }
 
 fn unpack_motion(packed: &[u64]) -> Option<Motion> {
     let [steps, values @ ..] = packed else { return None };
-    let values: [u64; 10] = values.try_into().ok()?;
-    let [time_step, natural_step, mass, added_mass, kinetic, stored, dissipated, work, kinetic_before, largest] =
-        values.map(f64::from_bits);
+    let values: [u64; 12] = values.try_into().ok()?;
+    let [
+        time_step,
+        natural_step,
+        mass,
+        added_mass,
+        kinetic,
+        stored,
+        dissipated,
+        work,
+        kinetic_before,
+        largest,
+        lag,
+        added_kinetic,
+    ] = values.map(f64::from_bits);
     Some(Motion {
         steps: *steps as usize,
         time_step,
@@ -126,6 +139,8 @@ fn unpack_motion(packed: &[u64]) -> Option<Motion> {
         work,
         kinetic_before,
         largest_kinetic: largest,
+        lag,
+        added_kinetic,
     })
 }
 

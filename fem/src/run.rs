@@ -1,9 +1,11 @@
 //! The frame loop: a plan carried along a drive.
 
+use crate::explicit::{Dynamics, Moving, Relaxation};
 use crate::measure::{Sides, Snapshot, prescribed_overlaps};
 use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
-use crate::explicit::{Dynamics, Moving, Relaxation};
-use crate::solve::{Admissible, Advance, Iteration, Loading, Method, Settings, SolveError, Solver, Way};
+use crate::solve::{
+    Admissible, Advance, Iteration, Loading, Method, Settings, SolveError, Solver, Stability, Way,
+};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -400,11 +402,14 @@ struct Solved {
 /// The last fraction of a frame, over which velocities of what is prescribed are taken.
 const JUST: f64 = 1e-6;
 
-/// What a plan has that the chosen solver cannot do, or lacks.
-fn unsuited(plan: &Plan, settings: &Settings) -> Vec<String> {
+/// What a plan has, or the settings ask for, that the chosen solver cannot do, or lacks.
+pub fn unsuited(plan: &Plan, settings: &Settings) -> Vec<String> {
     let mut mistakes = Vec::new();
     if settings.method != Method::Newton && !plan.free_bodies.is_empty() {
         mistakes.push("method: bodies whose poses are unknowns need `newton`".to_string());
+    }
+    if settings.method != Method::Newton && settings.stability == Stability::Always {
+        mistakes.push("check_stability: only `newton` can show that a state is stable".to_string());
     }
     if settings.method == Method::Explicit && plan.inertia.is_none() {
         mistakes.push(

@@ -29,6 +29,16 @@ fn motions(out: &Run) -> Vec<Motion> {
     out.frames.iter().flat_map(|f| &f.islands).filter_map(|i| i.motion).collect()
 }
 
+/// Energies balance to 1 % in every frame; where next to nothing is in play, as at rest, beside the frame with most.
+fn balances(motions: &[Motion]) {
+    let most = motions.iter().map(Motion::in_play).fold(0.0, f64::max);
+    assert!(most > 0.0, "nothing moves");
+    for motion in motions {
+        let scale = motion.in_play().max(1e-6 * most);
+        assert!(motion.missing().abs() <= 0.01 * scale, "{motion:?}");
+    }
+}
+
 /// x = ½ g t², v = g t: central differences are exact there.
 #[test]
 fn a_block_falls_as_galilei_has_it() {
@@ -120,9 +130,7 @@ fn a_push_travels_with_the_speed_of_sound() {
     let speed = 1e-4 / arrival;
     let heard = out.frames.iter().find(|f| f.v[node] > speed).expect("it arrives").time;
     assert!((heard / arrival - 1.0).abs() < 0.03, "heard after {heard} s, L/c = {arrival} s");
-    for motion in motions(&out) {
-        assert!(motion.missing().abs() <= 0.01 * motion.in_play(), "{motion:?}");
-    }
+    balances(&motions(&out));
 }
 
 #[test]
@@ -143,7 +151,8 @@ fn energies_balance_and_momentum_is_kept_in_a_collision() {
     let plan = Plan::new(&scene, mesh).expect("a scene");
     let out = go(&plan, &timed(&plan, 5e-4, 20, |_| vec![]), &settings());
     let inertia = plan.inertia.as_ref().expect("asked for");
-    let momentum = |v: &[f64], c: usize| inertia.masses.iter().enumerate().map(|(n, m)| m * v[3 * n + c]).sum::<f64>();
+    let momentum =
+        |v: &[f64], c: usize| inertia.masses.iter().enumerate().map(|(n, m)| m * v[3 * n + c]).sum::<f64>();
     let (before, last) = (&inertia.velocities, out.last().expect("solved"));
     let scale: f64 = inertia.masses.iter().sum();
     for c in 0..3 {
@@ -152,9 +161,7 @@ fn energies_balance_and_momentum_is_kept_in_a_collision() {
     }
     let back = block_mean(&plan, "left_block", &last.v)[0];
     assert!(back < 0.0, "thrown back at {back} m/s");
-    for motion in motions(&out) {
-        assert!(motion.missing().abs() <= 0.01 * motion.in_play(), "{motion:?}");
-    }
+    balances(&motions(&out));
 }
 
 /// Two blocks pressed onto each other with the guarded mode: nothing passes through, and energies balance.
@@ -168,9 +175,7 @@ fn guarded_contact_is_carried_in_time() {
     let drive = timed(&plan, 0.02, 10, |t| vec![("press", t / 0.2)]);
     let out = support::contact_scenes::guarded(&plan, &drive, &settings()).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(out.frames.len(), 10);
-    for motion in motions(&out) {
-        assert!(motion.missing().abs() <= 0.01 * motion.in_play(), "{motion:?}");
-    }
+    balances(&motions(&out));
 }
 
 /// A bar of tissue that passes into a tendon a hundred times as stiff, with fibres that contract, as a muscle has it.
@@ -179,7 +184,9 @@ fn muscle() -> (Scene, Mesh) {
     generate::add_fibres(&mut mesh, "lines", [2, 2, 10], &[[0, 0], [1, 1], [2, 2], [0, 2]]);
     let cells = mesh.blocks[0].n_cells();
     // Cells of the last tenth along z.
-    let top = |c: usize| mesh.blocks[0].cells().nth(c).expect("a cell").iter().all(|&n| mesh.points[n as usize][2] > 0.089);
+    let top = |c: usize| {
+        mesh.blocks[0].cells().nth(c).expect("a cell").iter().all(|&n| mesh.points[n as usize][2] > 0.089)
+    };
     let scale = (0..cells).map(|c| if top(c) { 100.0 } else { 1.0 }).collect();
     let mut scene = Scene {
         solids: vec![SolidSpec { scale, ..SolidSpec::new("block", mooney_rivlin()) }],
@@ -190,7 +197,12 @@ fn muscle() -> (Scene, Mesh) {
     scene.fibres.push(FibreSpec {
         name: "fibres".into(),
         course: Course::Region("lines".into()),
-        law: FibreLawSpec::Thermal { young: 1e5, contraction: 0.1, strain: FibreStrain::Logarithmic, toe: Some(0.01) },
+        law: FibreLawSpec::Thermal {
+            young: 1e5,
+            contraction: 0.1,
+            strain: FibreStrain::Logarithmic,
+            toe: Some(0.01),
+        },
         area: vec![5e-6],
         activation: Some("a".into()),
     });
@@ -205,12 +217,10 @@ fn settled(factor: f64) -> (f64, Motion) {
     let settings = Settings { time_step_factor: factor, damping: 60.0, max_steps: 10_000_000, ..settings() };
     let out = go(&plan, &drive, &settings);
     let motions = motions(&out);
-    for motion in &motions {
-        assert!(motion.missing().abs() <= 0.01 * motion.in_play(), "{motion:?}");
-    }
+    balances(&motions);
     let last = out.last().expect("solved");
     let force = support_wrench(&plan, last.snapshot(), &plan.mesh.node_sets["z_max"], [0.0; 3]).force;
-    (force[2].abs(), motions[1])
+    (force[2].abs(), motions[0])
 }
 
 #[test]
@@ -223,7 +233,7 @@ fn ten_times_the_time_step_changes_settled_forces_little_and_a_hundred_times_is_
     assert!((ten / plain - 1.0).abs() < 0.02, "{plain} N and {ten} N");
     let (hundred, motion) = settled(100.0);
     println!("x100 {hundred} N, {:.3} of the mass added", motion.added());
-    assert!(motion.added() > HEAVY, "{motion:?}");
+    assert!(motion.added_kinetic > HEAVY * motion.largest_kinetic, "{motion:?}");
     let warning = motion.warning().expect("heavy");
     assert!(warning.contains("time_step_factor"), "{warning}");
 }

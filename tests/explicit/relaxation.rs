@@ -12,7 +12,7 @@ use support::fem_scenes::{held, mooney_rivlin};
 use support::random_scenes::random_scene;
 
 /// Residual relative to the forces in play.
-const TOLERANCE: f64 = 1e-6;
+const TOLERANCE: f64 = 1e-7;
 
 fn with(method: Method) -> Settings {
     Settings { method, tolerance: TOLERANCE, ..Settings::default() }
@@ -104,10 +104,19 @@ fn membranes_strands_and_pressure_are_as_newton_has_them() {
     });
     let corner = |set: &str| mesh.node_sets[set].clone();
     let (low, high) = (corner("z_min"), corner("z_max"));
-    mesh.blocks.push(CellBlock { name: "ligament".into(), kind: CellKind::Line2, nodes: vec![low[0], high[high.len() - 1]] });
-    scene.strands.push(StrandSpec { region: "ligament".into(), stiffness: 50.0, toe: 0.03, reference_strain: 0.02 });
+    mesh.blocks.push(CellBlock {
+        name: "ligament".into(),
+        kind: CellKind::Line2,
+        nodes: vec![low[0], high[high.len() - 1]],
+    });
+    scene.strands.push(StrandSpec {
+        region: "ligament".into(),
+        stiffness: 50.0,
+        toe: 0.03,
+        reference_strain: 0.02,
+    });
     scene.patch_pressures.push(PatchPressureSpec { surface: "x_min".into(), control: "p".into() });
-    agrees("skin, strand and pressure", &scene, mesh, &[("p", 400.0)]);
+    agrees("skin, strand and pressure", &scene, mesh, &[("p", 100.0)]);
 }
 
 #[test]
@@ -150,11 +159,13 @@ fn what_does_not_come_to_rest_in_time_is_not_called_solved() {
 
 #[test]
 fn the_same_bits_come_of_one_thread_and_of_two() {
-    let contact = ContactSpec { mode: ContactMode::Cheap, distance: 3e-4, ..ContactSpec::new(&["lower_z_max", "upper_z_min"]) };
-    let (mut scene, mesh) = two_blocks([[7, 7, 4], [6, 6, 4]], 1e-4, contact);
-    scene.prescribed.push(moved("upper_z_max", [false, false, true], [0.0, 0.0, -1e-3], "press"));
+    let surfaces = ["lower_z_max", "upper_z_min"];
+    let contact = ContactSpec { mode: ContactMode::Cheap, distance: 3e-4, ..ContactSpec::new(&surfaces) };
+    // More nodes than one piece of a sum.
+    let (mut scene, mesh) = two_blocks([[9, 9, 5], [8, 8, 5]], 1.2e-3, contact);
+    scene.prescribed.push(moved("upper_z_max", [false, false, true], [0.0, 0.0, -3.2e-3], "press"));
     let plan = Plan::new(&scene, mesh).expect("a scene");
-    let drive = ramp(&plan, &[("press", 1.0)], &[], 1);
+    let drive = ramp(&plan, &[("press", 1.0)], &[], 4);
     let settings = Settings { tolerance: 1e-3, ..with(Method::Relaxation) };
     let places = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");

@@ -253,7 +253,7 @@ struct AccuracyEntry {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SolverEntry {
-    method: Option<Method>,
+    method: Option<Spanned<Method>>,
     max_steps: Option<usize>,
 }
 
@@ -346,6 +346,16 @@ impl SceneFile {
         }
         let PerConfiguration { without, with } = NATURAL_RESIDUALS;
         let accuracy = &self.accuracy;
+        let newton_only = [
+            ("accuracy.check_stability", accuracy.check_stability == Some(true)),
+            ("accuracy.strict_steps", accuracy.strict_steps.is_some()),
+        ];
+        let method = self.solver.method.as_ref().filter(|m| *m.get_ref() != Method::Newton);
+        for (key, _) in newton_only.into_iter().filter(|(_, asked)| method.is_some() && *asked) {
+            let line = method.map_or(1, |m| at.line(m.span().start));
+            let remedy = format!("only newton does what {key} asks for: take that out, or the method");
+            wrong.note(at.bad(line, "solver.method", format!("relaxation with {key}"), remedy));
+        }
         let (deformable, muscles) = muscles?;
         Some(Scene {
             name: at.file.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned()),
@@ -364,7 +374,7 @@ impl SceneFile {
             },
             strict_steps: accuracy.strict_steps,
             check_stability: accuracy.check_stability.unwrap_or(false),
-            method: self.solver.method.unwrap_or_default(),
+            method: self.solver.method.as_ref().map_or(Method::Newton, |m| *m.get_ref()),
             max_steps: self.solver.max_steps.unwrap_or(Settings::default().max_steps),
             stress_free,
             fibres,

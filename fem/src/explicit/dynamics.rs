@@ -5,13 +5,13 @@
 //! muscle behind it.
 //! Belytschko, Liu, Moran & Elkhodary, Nonlinear Finite Elements for Continua and Structures, 2nd ed., §6.2.
 
-use super::masses::{Bound, MARGIN, Masses, dot_difference, largest};
+use super::masses::{Bound, MARGIN, Masses, dot, dot_difference, largest};
 use crate::solve::{Advance, Iteration, Loading, Motion, NotConverged, Reason, Settings, SolveError};
 use std::time::Instant;
 
 /// Steps from one look at the stiffness to the next.
 const RENEW: usize = 500;
-/// Steps from one look at the energies to the next.
+/// Steps from one look at the kinetic energy to the next.
 const SAMPLE: usize = 5;
 /// Quotient h²ω² of a step beyond which it is near the end of the stable ones, 4.
 const STABLE: f64 = 3.9;
@@ -122,11 +122,13 @@ impl Dynamics {
         let fixed = potential.fixed().to_vec();
         let is_fixed = |i: usize| fixed.get(i) == Some(&true);
         let Moving { masses: given, v, duration } = moving;
+        v.iter_mut().enumerate().filter(|(i, _)| is_fixed(*i)).for_each(|(_, v)| *v = 0.0);
         if let Some(i) = (0..n).find(|&i| !is_fixed(i) && !(given[i] > 0.0)) {
             return Err((Reason::NoMass { node: potential.node_name(i / 3) }, 0));
         }
         let (duration, alpha) = (*duration, self.settings.damping);
-        let mut motion = Motion { time_step: f64::INFINITY, mass: given.iter().sum::<f64>() / 3.0, ..Motion::default() };
+        let mut motion =
+            Motion { time_step: f64::INFINITY, mass: given.iter().sum::<f64>() / 3.0, ..Motion::default() };
         let mut scale = Scale::default();
         let (mut h, mut masses) = scale.renew(potential, x, given, self.settings.time_step_factor);
         motion.natural_step = scale.natural;
@@ -137,16 +139,23 @@ impl Dynamics {
         potential.gradient(x, &mut g);
         motion.kinetic_before = 0.5 * masses.square(v);
         motion.largest_kinetic = motion.kinetic_before;
-        let energy = potential.energy(x);
-        let mut power = power(potential, x, 0.0, (h / duration).min(1.0), duration);
-        let (mut time, mut sampled, mut renewed) = (0.0, 0.0, 0);
+        let mut energy = potential.energy(x);
+        let (first, drives) = (energy, is_driven(potential, x, &g));
+        // a − α v at a step, whose square h²/8 times over is what central differences keep less than ½ v·Mv.
+        let lag = |masses: &Masses, g: &[f64], v: &[f64], h: f64| {
+            let square = masses.inverse_square(g) + alpha * (2.0 * dot(g, v) + alpha * masses.square(v));
+            0.125 * h * h * square
+        };
+        let (mut time, mut renewed) = (0.0, 0);
         while time < duration {
             if motion.steps >= self.settings.max_steps {
                 return Err((Reason::NotSettled { steps: motion.steps }, motion.steps));
             }
             if motion.steps - renewed >= RENEW {
                 renewed = motion.steps;
+                motion.kinetic_before -= 0.5 * masses.square(v);
                 (h, masses) = scale.renew(potential, x, given, self.settings.time_step_factor);
+                motion.kinetic_before += 0.5 * masses.square(v);
                 motion.added_mass = motion.added_mass.max(masses.added);
             }
             // Equal steps to the end.
@@ -160,6 +169,7 @@ impl Dynamics {
                 v.iter_mut().zip(&a).for_each(|(v, a)| *v -= 0.5 * length * (a + alpha * *v));
             };
             let start = v.clone();
+            let damped = masses.square(v);
             loop {
                 kick(v, &g, length);
                 for i in 0..n {
@@ -180,8 +190,7 @@ impl Dynamics {
                     return Err((Reason::Touch, motion.steps));
                 }
             }
-            let damped = length * alpha * masses.square(v);
-            motion.dissipated += damped;
+            let since = time;
             time = if length >= left { duration } else { time + length };
             motion.steps += 1;
             if time < duration {
@@ -196,23 +205,43 @@ impl Dynamics {
             // The second half: v = v½ − ½ h (M⁻¹ g + α v).
             let mut a = g.clone();
             masses.answer_in_place(&mut a);
-            v.iter_mut().zip(&a).for_each(|(v, a)| *v = (*v - 0.5 * length * a) / (1.0 + 0.5 * length * alpha));
+            v.iter_mut()
+                .zip(&a)
+                .for_each(|(v, a)| *v = (*v - 0.5 * length * a) / (1.0 + 0.5 * length * alpha));
+            motion.dissipated += 0.5 * length * alpha * (damped + masses.square(v));
+            motion.lag += lag(&masses, &g, v, length) - lag(&masses, &old, &start, length);
             let square = masses.square(&dx);
-            let quotient = if square > 0.0 { length * length * dot_difference(&dx, &g, &old) / square } else { 0.0 };
+            let quotient =
+                if square > 0.0 { length * length * dot_difference(&dx, &g, &old) / square } else { 0.0 };
             if !quotient.is_finite() {
                 return Err((Reason::Inversion, motion.steps));
             }
             if quotient > STABLE {
                 renewed = motion.steps;
                 scale.vector.copy_from_slice(&dx);
+                motion.kinetic_before -= 0.5 * masses.square(v);
                 (h, masses) = scale.renew(potential, x, given, self.settings.time_step_factor);
+                motion.kinetic_before += 0.5 * masses.square(v);
                 motion.added_mass = motion.added_mass.max(masses.added);
             }
-            if motion.steps % SAMPLE == 0 || time >= duration {
-                let now = power_at(potential, x, time, length, duration);
-                motion.work += 0.5 * (power + now) * (time - sampled);
-                (power, sampled) = (now, time);
-                motion.largest_kinetic = motion.largest_kinetic.max(0.5 * masses.square(v));
+            if drives {
+                // The work that belongs to central differences: what the potential gains by the load alone, mean of before and after.
+                let at = |potential: &mut dyn Loading, x: &[f64], time: f64| {
+                    let mut x = x.to_vec();
+                    potential.set_load(if time >= duration { 1.0 } else { time / duration }, &mut x);
+                    potential.energy(&x)
+                };
+                let ahead = at(potential, &before, time);
+                let behind = at(potential, x, since);
+                let now = at(potential, x, time);
+                motion.work += 0.5 * (ahead - energy + now - behind);
+                energy = now;
+            }
+            if motion.steps % SAMPLE == 0 {
+                let (all, own) =
+                    (masses.square(v), v.iter().zip(given.iter()).map(|(v, m)| m * v * v).sum::<f64>());
+                motion.largest_kinetic = motion.largest_kinetic.max(0.5 * all);
+                motion.added_kinetic = motion.added_kinetic.max(0.5 * (all - own));
             }
         }
         let (det_f, _) = potential.least_det_f(x);
@@ -221,7 +250,8 @@ impl Dynamics {
         }
         motion.time_step = motion.time_step.min(duration);
         motion.kinetic = 0.5 * masses.square(v);
-        motion.stored = potential.energy(x) - energy;
+        motion.largest_kinetic = motion.largest_kinetic.max(motion.kinetic);
+        motion.stored = potential.energy(x) - first;
         let (missing, allowed) = (motion.missing(), IMBALANCE * motion.in_play() + scale.round_off);
         if !(missing.abs() <= allowed) {
             return Err((Reason::Imbalance { missing, in_play: motion.in_play() }, motion.steps));
@@ -230,21 +260,17 @@ impl Dynamics {
     }
 }
 
-/// Power \[W\] of what is prescribed at the load of `time`: what the potential gains by the load alone. Leaves the load at `time`.
-fn power_at(potential: &mut dyn Loading, x: &[f64], time: f64, h: f64, duration: f64) -> f64 {
-    power(potential, x, time / duration, h / duration, duration)
-}
-
-fn power(potential: &mut dyn Loading, x: &[f64], t: f64, by: f64, duration: f64) -> f64 {
-    let (from, to) = ((t - by).max(0.0), (t + by).min(1.0));
-    let mut at = |t: f64| {
-        let mut x = x.to_vec();
-        potential.set_load(t, &mut x);
-        potential.energy(&x)
-    };
-    let gained = at(to) - at(from);
-    potential.set_load(t, &mut x.to_vec());
-    gained / ((to - from) * duration)
+/// Whether anything changes with the load: energy and gradient `g` at `x` do. Leaves the load at 0.
+fn is_driven(potential: &mut dyn Loading, x: &[f64], g: &[f64]) -> bool {
+    let (mut moved, mut other) = (x.to_vec(), vec![0.0; x.len()]);
+    let before = potential.energy(x);
+    let differs = [0.5, 1.0].into_iter().any(|t| {
+        potential.set_load(t, &mut moved);
+        potential.gradient(&moved, &mut other);
+        moved != x || potential.energy(&moved) != before || other != g
+    });
+    potential.set_load(0.0, &mut x.to_vec());
+    differs
 }
 
 /// The longest time step, and what is known of the stiffness for the next look at it.

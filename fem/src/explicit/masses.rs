@@ -52,6 +52,15 @@ impl Bound {
         self.largest = MARGIN * largest(potential, x, &unit, &mut self.vector, steps);
     }
 
+    /// Residual \[N\] that round-off of the positions `x` within their body alone can make: ε · extent in every position times its stiffness.
+    pub fn round_off(&self, x: &[f64]) -> f64 {
+        let along = |c: usize| x.iter().skip(c).step_by(3);
+        let width = |c| along(c).fold(f64::MIN, |m, v| m.max(*v)) - along(c).fold(f64::MAX, |m, v| m.min(*v));
+        let extent = (0..3).map(width).fold(0.0, f64::max);
+        let square: f64 = self.blocks.iter().flat_map(|b| [b[0], b[4], b[8]]).map(|d| d * d).sum();
+        f64::EPSILON * extent * square.sqrt()
+    }
+
     /// The blocks of λ D times `factor`.
     pub fn times(&self, factor: f64) -> Vec<Block> {
         self.blocks.iter().map(|b| b.map(|b| factor * self.largest * b)).collect()
@@ -171,6 +180,19 @@ impl Masses {
                     square += v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
                 }
                 square
+            })
+            .collect();
+        pieces.iter().sum()
+    }
+
+    /// f·M⁻¹f.
+    pub fn inverse_square(&self, f: &[f64]) -> f64 {
+        let pieces: Vec<f64> = f
+            .par_chunks(3 * PIECE)
+            .enumerate()
+            .map(|(piece, f)| {
+                let nodes = (piece * PIECE..).zip(f.as_chunks::<3>().0);
+                nodes.map(|(n, f)| (0..3).map(|c| f[c] * times(&self.inverse[n], f)[c]).sum::<f64>()).sum()
             })
             .collect();
         pieces.iter().sum()

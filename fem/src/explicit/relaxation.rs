@@ -19,6 +19,8 @@ const RENEW: usize = 500;
 const ON_THE_WAY: f64 = 5e-2;
 /// ω² of a step beyond which it is near the end of the stable ones, 4: masses are too small here.
 const STABLE: f64 = 3.9;
+/// Round-off of the gradient, as a fraction of the wanted residual, up to which a residual is looked for that is small enough beside it.
+const ROOM: f64 = 0.5;
 /// Motions in a row that end in inverted elements before it is given up.
 const MAX_RETRIES: usize = 20;
 /// Damping at most: what it would be for a mode as fast as the step can bear, less a little, so that motion does not end.
@@ -122,7 +124,10 @@ impl Run<'_> {
         let (mut retries, mut lighter) = (0, 1.0);
         // 0: at rest, so that the first step is half of one.
         let (mut damping, mut motion, mut wanted) = (0.0, 0.0, f64::INFINITY);
-        for k in 0..self.settings.max_steps {
+        for k in 0.. {
+            if self.report.iterations >= self.settings.max_steps {
+                break;
+            }
             let residual = dot(&g, &g).sqrt();
             let looks_settled = residual <= wanted;
             if looks_settled || k % CHECK == 0 || !residual.is_finite() {
@@ -153,8 +158,15 @@ impl Run<'_> {
                 report.least_det_f = potential.least_det_f(x).0;
                 self.record(t, k, damping, start);
                 start = Instant::now();
-                if residual <= wanted {
+                // A residual that is known less exactly than that may be small by chance.
+                let round_off = self.bound.round_off(x);
+                if residual + round_off <= wanted {
                     return Ok(());
+                }
+                if residual <= wanted && round_off > ROOM * wanted {
+                    let reachable = tolerance * (round_off / wanted).max(1.0) / ROOM;
+                    let reason = Reason::RoundOff { floor: round_off, reachable, far: None };
+                    return Err(self.failure(potential, x, reason, k));
                 }
                 if k > 0 && k % RENEW == 0 {
                     (retries, lighter) = (0, 1.0);

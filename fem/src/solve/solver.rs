@@ -111,8 +111,18 @@ fn runs_away(good: &[f64], x: &[f64]) -> Option<Reason> {
 impl Settings {
     /// Everything that cannot be, with what it must be.
     pub fn mistakes(&self) -> Vec<String> {
-        let Settings { tolerance, least_force, max_iterations, max_work, max_steps, time_step_factor, damping, first_step, least_step, .. } =
-            self;
+        let Settings {
+            tolerance,
+            least_force,
+            max_iterations,
+            max_work,
+            max_steps,
+            time_step_factor,
+            damping,
+            first_step,
+            least_step,
+            ..
+        } = self;
         let number = |value: &f64| format!("{value:e}");
         [
             ("tolerance", number(tolerance), *tolerance > 0.0 && *tolerance < 1.0, "above 0 and below 1"),
