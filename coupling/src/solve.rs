@@ -8,7 +8,7 @@ use fem::measure::Cut;
 use fem::mesh::Mesh;
 use fem::mesh::format::Format;
 use fem::plan::{Motion, Plan};
-use fem::run::Drive;
+use fem::run::{Drive, unsuited};
 use fem::scene::{CutSpec, Scene};
 use fem::solve::Settings;
 use multibody::InputError;
@@ -48,6 +48,11 @@ impl OwnScene {
         let mistakes = wrong_cuts(&scene.cuts, &plan);
         if !mistakes.is_empty() {
             return Err(malformed(file, Place::Whole, mistakes.join("; "), "mend the [[cuts]]").into());
+        }
+        let mistakes = unsuited(&plan, &scene.solver.settings());
+        if !mistakes.is_empty() {
+            let remedy = "docs/explicit.md says which solver is for what";
+            return Err(malformed(file, Place::Whole, mistakes.join("; "), remedy).into());
         }
         let mut drive = Drive::read(&files[2], &plan)?;
         if plan.inertia.is_some() && drive.frames[0].time <= 0.0 {

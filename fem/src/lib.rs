@@ -12,6 +12,7 @@ pub mod contact;
 pub mod drive;
 pub mod effect;
 pub mod element;
+pub mod explicit;
 pub mod geometry;
 pub mod material;
 pub mod measure;

@@ -16,7 +16,7 @@ use crate::mesh::format::{pvd::PvdWriter, write_whole};
 use crate::parts::{Beside, PARTS, parts};
 use crate::plan::Plan;
 use crate::run::{Advanced, Drive, Frame, Run, Session, Step, run_steps};
-use crate::solve::{IterationLog, Settings, SolveError};
+use crate::solve::{IterationLog, Motion, Settings, SolveError};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -211,6 +211,9 @@ impl RunFiles {
                 "wanted_residual_N": worst.advance.wanted, "forces_in_play_N": worst.advance.force_scale,
             });
         }
+        if let Some(motion) = in_time(run) {
+            summary["explicit"] = motion;
+        }
         summary["loose_load_steps"] = json!(run.count(|island| island.loose_steps));
         summary["frames_tested_for_stability"] = json!(run.frames_tested_for_stability());
         let overlaps = run.frames.iter().enumerate().flat_map(|(k, frame)| {
@@ -228,6 +231,25 @@ impl RunFiles {
         let text = format!("{summary:#}\n");
         Ok(write_whole(&self.summary, text.as_bytes())?)
     }
+}
+
+/// What explicit dynamics says of all frames: the most that was added and missing, and what is to be said of it; `None` where nothing moved so.
+fn in_time(run: &Run) -> Option<serde_json::Value> {
+    let motions = || run.frames.iter().flat_map(|f| &f.islands).filter_map(|island| island.motion.as_ref());
+    motions().next()?;
+    let most = |of: &dyn Fn(&Motion) -> f64| motions().map(of).fold(0.0, f64::max);
+    let (missing, in_play) = (most(&|m| m.missing().abs()), most(&Motion::in_play));
+    let shortest = motions().map(|m| m.time_step).fold(f64::INFINITY, f64::min);
+    Some(json!({
+        "time_steps": motions().map(|m| m.steps).sum::<usize>(),
+        "shortest_time_step_s": shortest,
+        "added_mass_fraction": most(&Motion::added),
+        "missing_energy_J": missing,
+        "energy_in_play_J": in_play,
+        "dissipated_J": motions().map(|m| m.dissipated).sum::<f64>(),
+        "work_J": motions().map(|m| m.work).sum::<f64>(),
+        "warnings": motions().filter_map(Motion::warning).collect::<std::collections::BTreeSet<_>>(),
+    }))
 }
 
 /// Label of the last good state before a frame that has no equilibrium.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::mesh::MeshError;
 use crate::mesh::format::write_whole;
 use crate::run::{Advanced, DriveFrame, Frame};
-use crate::solve::{Advance, Iteration};
+use crate::solve::{Advance, Iteration, Motion};
 
 /// A frame as stored.
 #[derive(Deserialize, Serialize)]
@@ -21,7 +21,7 @@ struct State {
     x: Vec<u64>,
     /// Velocities \[m/s\]; empty without inertia.
     v: Vec<u64>,
-    islands: Vec<([u64; 21], Vec<u64>, Vec<u64>)>,
+    islands: Vec<PackedAdvance>,
     iterations: Vec<(String, [u64; 12])>,
     prescribed_overlaps: Vec<([String; 2], usize)>,
 }
@@ -100,7 +100,51 @@ pub(crate) fn load(
     })
 }
 
-fn pack_advance(a: &Advance) -> ([u64; 21], Vec<u64>, Vec<u64>) {
+/// Counts, states and times; loads of indefinite Hessians and of unstable equilibria; what explicit dynamics says, or nothing.
+type PackedAdvance = ([u64; 21], Vec<u64>, Vec<u64>, Vec<u64>);
+
+fn pack_motion(m: &Motion) -> Vec<u64> {
+    let values =
+        [m.time_step, m.natural_step, m.mass, m.added_mass, m.kinetic, m.stored, m.dissipated, m.work];
+    let more = [m.kinetic_before, m.largest_kinetic, m.lag, m.added_kinetic];
+    std::iter::once(m.steps as u64).chain(values.into_iter().chain(more).map(f64::to_bits)).collect()
+}
+
+fn unpack_motion(packed: &[u64]) -> Option<Motion> {
+    let [steps, values @ ..] = packed else { return None };
+    let values: [u64; 12] = values.try_into().ok()?;
+    let [
+        time_step,
+        natural_step,
+        mass,
+        added_mass,
+        kinetic,
+        stored,
+        dissipated,
+        work,
+        kinetic_before,
+        largest,
+        lag,
+        added_kinetic,
+    ] = values.map(f64::from_bits);
+    Some(Motion {
+        steps: *steps as usize,
+        time_step,
+        natural_step,
+        mass,
+        added_mass,
+        kinetic,
+        stored,
+        dissipated,
+        work,
+        kinetic_before,
+        largest_kinetic: largest,
+        lag,
+        added_kinetic,
+    })
+}
+
+fn pack_advance(a: &Advance) -> PackedAdvance {
     let counts = [
         a.load_steps,
         a.retries,
@@ -121,12 +165,13 @@ fn pack_advance(a: &Advance) -> ([u64; 21], Vec<u64>, Vec<u64>) {
     let mut numbers = [0; 21];
     let all = counts.into_iter().chain(state.map(f64::to_bits)).chain(times.map(f64::to_bits));
     numbers.iter_mut().zip(all).for_each(|(to, from)| *to = from);
-    (numbers, bits(&a.indefinite_at), bits(&a.unstable_at))
+    let motion = a.motion.as_ref().map_or_else(Vec::new, pack_motion);
+    (numbers, bits(&a.indefinite_at), bits(&a.unstable_at), motion)
 }
 
-fn unpack_advance(packed: &([u64; 21], Vec<u64>, Vec<u64>)) -> Advance {
-    let ([c0, c1, c2, c3, c4, c5, c6, stable, soft_ways, again, crossed, values @ ..], indefinite, unstable) =
-        packed;
+fn unpack_advance(packed: &PackedAdvance) -> Advance {
+    let (numbers, indefinite, unstable, motion) = packed;
+    let [c0, c1, c2, c3, c4, c5, c6, stable, soft_ways, again, crossed, values @ ..] = numbers;
     let values = values.map(f64::from_bits);
     let [residual, wanted, force_scale, energy, least_det_f, times @ ..] = values;
     let [assembly_s, factorization_s, linear_s, contact_s, total_s] = times;
@@ -150,6 +195,7 @@ fn unpack_advance(packed: &([u64; 21], Vec<u64>, Vec<u64>)) -> Advance {
         least_det_f,
         indefinite_at: list(indefinite),
         unstable_at: list(unstable),
+        motion: unpack_motion(motion),
         assembly_s,
         factorization_s,
         linear_s,
@@ -211,6 +257,7 @@ mod tests {
             least_det_f: 6.0,
             indefinite_at: vec![0.25, 1.0 / 3.0],
             unstable_at: vec![0.5],
+            motion: Some(Motion { steps: 3, time_step: 0.1, largest_kinetic: -1e-300, ..Motion::default() }),
             assembly_s: 7.0,
             factorization_s: 8.0,
             linear_s: 9.0,

@@ -1,8 +1,11 @@
 //! The frame loop: a plan carried along a drive.
 
+use crate::explicit::{Dynamics, Moving, Relaxation};
 use crate::measure::{Sides, Snapshot, prescribed_overlaps};
 use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
-use crate::solve::{Admissible, Advance, Iteration, Loading, Settings, SolveError, Solver, Way};
+use crate::solve::{
+    Admissible, Advance, Iteration, Loading, Method, Settings, SolveError, Solver, Stability, Way,
+};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -177,6 +180,10 @@ impl<'a> Session<'a> {
         start: Option<&[f64]>,
     ) -> Result<Session<'a>, SolveError> {
         settings.check()?;
+        let mistakes = unsuited(plan, settings);
+        if !mistakes.is_empty() {
+            return Err(SolveError::Settings { mistakes });
+        }
         let x = start.map_or_else(|| plan.reference(), <[f64]>::to_vec);
         count("the start", x.len(), 3 * plan.mesh.points.len(), "3 per node of the mesh")?;
         Ok(Session {
@@ -231,6 +238,7 @@ impl<'a> Session<'a> {
         let mut solved = self.solve(to, &mut solvers);
         self.solvers = solvers;
         let refused = self.keep_sides(to, &mut solved);
+        let velocities: Vec<Vec<f64>> = solved.iter_mut().map(|s| std::mem::take(&mut s.v)).collect();
         let (mut islands, mut errors, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
         self.x = self.places(to, &solved);
         for Solved { result, rows, .. } in solved {
@@ -251,6 +259,11 @@ impl<'a> Session<'a> {
         }
         if inertia.is_some() && errors.is_empty() {
             self.v = self.x.iter().zip(&before).map(|(x, before)| (x - before) / h).collect();
+            for (island, own) in self.plan.islands.iter().zip(&velocities) {
+                for (&n, own) in island.nodes.iter().zip(own.as_chunks::<3>().0) {
+                    self.v[3 * n as usize..3 * n as usize + 3].copy_from_slice(own);
+                }
+            }
         }
         self.from = to.load.clone();
         self.time = to.time;
@@ -278,12 +291,17 @@ impl<'a> Session<'a> {
                 if let Some((det_f, place)) = island.folded(&to.load) {
                     let island = island.name.clone();
                     let folded = SolveError::Folded { island, step, place, det_f };
-                    return Solved { local, result: Err(folded), rows: Vec::new() };
+                    return Solved { local, v: Vec::new(), result: Err(folded), rows: Vec::new() };
                 }
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
+                let h = to.time - self.time;
+                if let (Method::Explicit, Some(inertia), false) =
+                    (self.settings.method, inertia, free.is_empty())
+                {
+                    return self.moved(potential, free, (&inertia.masses, h));
+                }
                 if let Some(inertia) = inertia {
-                    let h = to.time - self.time;
                     potential = potential.with(inertia.over(h, island, &local, &island.gather(&self.v)));
                 }
                 let mut rows = Vec::new();
@@ -294,11 +312,39 @@ impl<'a> Session<'a> {
                         // What nothing can move is at its minimum.
                         Ok(Advance { least_det_f, tested_stable: true, ..Advance::default() })
                     }
-                    false => solver.advance(&mut potential, &mut free, step, &mut rows),
+                    false => match self.settings.method {
+                        Method::Newton | Method::Explicit => {
+                            solver.advance(&mut potential, &mut free, step, &mut rows)
+                        }
+                        Method::Relaxation => Relaxation::new(&island.name, self.settings).advance(
+                            &mut potential,
+                            &mut free,
+                            step,
+                            &mut rows,
+                        ),
+                    },
                 };
-                Solved { local: potential.expand(&free), result, rows }
+                Solved { local: potential.expand(&free), v: Vec::new(), result, rows }
             })
             .collect()
+    }
+
+    /// Moves an island over the time `h` \[s\]; `masses` \[kg\] of all nodes of the mesh.
+    fn moved(&self, mut potential: LoadedIsland, mut free: Vec<f64>, (masses, h): (&[f64], f64)) -> Solved {
+        let island = potential.island().clone();
+        let v = island.free_positions(&island.gather(&self.v));
+        let mut moving = Moving { masses: island.lumped(masses), v, duration: h };
+        let mut rows = Vec::new();
+        let mut dynamics = Dynamics::new(&island.name, self.settings);
+        let result = dynamics.advance(&mut potential, &mut free, &mut moving, self.step, &mut rows);
+        let local = potential.expand(&free);
+        // What is prescribed and what follows moves as it does just before the end.
+        let mut before: Vec<f64> = free.iter().zip(&moving.v).map(|(x, v)| x - JUST * h * v).collect();
+        potential.set_load(1.0 - JUST, &mut before);
+        let just = potential.expand(&before);
+        let mut v: Vec<f64> = local.iter().zip(&just).map(|(x, before)| (x - before) / (JUST * h)).collect();
+        island.put_velocities(&moving.v, &mut v);
+        Solved { local, v, result, rows }
     }
 
     /// Positions of all nodes with those of the islands.
@@ -347,8 +393,31 @@ impl<'a> Session<'a> {
 struct Solved {
     /// Positions of its nodes \[m\].
     local: Vec<f64>,
+    /// Their velocities \[m/s\]; empty where they follow from the positions.
+    v: Vec<f64>,
     result: Result<Advance, SolveError>,
     rows: Vec<Iteration>,
+}
+
+/// The last fraction of a frame, over which velocities of what is prescribed are taken.
+const JUST: f64 = 1e-6;
+
+/// What a plan has, or the settings ask for, that the chosen solver cannot do, or lacks.
+pub fn unsuited(plan: &Plan, settings: &Settings) -> Vec<String> {
+    let mut mistakes = Vec::new();
+    if settings.method != Method::Newton && !plan.free_bodies.is_empty() {
+        mistakes.push("method: bodies whose poses are unknowns need `newton`".to_string());
+    }
+    if settings.method != Method::Newton && settings.stability == Stability::Always {
+        mistakes.push("check_stability: only `newton` can show that a state is stable".to_string());
+    }
+    if settings.method == Method::Explicit && plan.inertia.is_none() {
+        mistakes.push(
+            "method: `explicit` moves masses, and the scene has no `inertia`; add it, or take `relaxation`, which finds rest without"
+                .to_string(),
+        );
+    }
+    mistakes
 }
 
 fn count(what: &'static str, found: usize, needed: usize, of: &str) -> Result<(), SolveError> {

@@ -13,7 +13,7 @@ pub use user_law::UserLaw;
 use crate::element::Formulation;
 use crate::material::line::FibreStrain;
 use crate::mesh::LengthUnit;
-use crate::solve::{Settings, Stability};
+use crate::solve::{Method, Settings, Stability};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -73,6 +73,14 @@ pub struct SolverSpec {
     pub tolerance: f64,
     /// Forces in play \[N\] are taken to be at least this.
     pub least_force: f64,
+    /// Which solver.
+    pub method: Method,
+    /// Time steps that a frame may take per island where there are no matrices, at least 1.
+    pub max_steps: usize,
+    /// Explicit dynamics: time step over the longest that the masses bear, at least 1; above 1 masses are added where it takes them.
+    pub time_step_factor: f64,
+    /// Explicit dynamics: rate at which velocities fade \[1/s\].
+    pub damping: f64,
     /// Frames between the rows of the drive so that none is more than this after the one before \[s\]; absent: none.
     pub longest_step: Option<f64>,
     /// Every state is shown to be a minimum of the potential, and left where it is none; otherwise only where it is doubtful.
@@ -81,8 +89,18 @@ pub struct SolverSpec {
 
 impl Default for SolverSpec {
     fn default() -> SolverSpec {
-        let Settings { tolerance, least_force, .. } = Settings::default();
-        SolverSpec { tolerance, least_force, longest_step: None, check_stability: false }
+        let Settings { tolerance, least_force, method, max_steps, time_step_factor, damping, .. } =
+            Settings::default();
+        SolverSpec {
+            tolerance,
+            least_force,
+            method,
+            max_steps,
+            time_step_factor,
+            damping,
+            longest_step: None,
+            check_stability: false,
+        }
     }
 }
 
@@ -93,6 +111,10 @@ impl SolverSpec {
         Settings {
             tolerance: self.tolerance,
             least_force: self.least_force,
+            method: self.method,
+            max_steps: self.max_steps,
+            time_step_factor: self.time_step_factor,
+            damping: self.damping,
             stability,
             ..Settings::default()
         }

@@ -15,7 +15,7 @@ use fem::mesh::Mesh;
 use fem::output::{Restart, write_run};
 use fem::plan::Plan;
 use fem::run::{Drive, Frame, Run};
-use fem::solve::{Iteration, Settings, Stability, Way};
+use fem::solve::{Iteration, Method, Settings, Stability, Way};
 use mesher::limb::Limb;
 
 use crate::comparison::compare::{CompareError, Solution, StepForces, beside, drive, measured, solution};
@@ -40,10 +40,14 @@ use crate::two_way::{Coupled, Coupling, TwoWay};
 /// [scene](Scene::residuals) says: forces of single muscles are compared in newtons, and 0.1 N is a tenth of that. A muscle that hangs slack has next to no force, and would take hundreds of
 /// iterations to find out exactly how it hangs.
 pub const SETTINGS: Settings = Settings {
+    method: Method::Newton,
     tolerance: 1e-4,
     least_force: 1000.0,
     max_iterations: 400,
     max_work: 5000,
+    max_steps: 100_000,
+    time_step_factor: 1.0,
+    damping: 0.0,
     first_step: 1.0,
     least_step: 1e-4,
     double_precision_factor: false,
@@ -534,7 +538,8 @@ impl Comparison {
 /// How the steps of a scene are solved.
 pub fn settings_of(scene: &Scene, configuration: Configuration) -> Settings {
     let tolerance = scene.residuals[configuration] / SETTINGS.least_force;
-    let mut settings = Settings { tolerance, ..SETTINGS };
+    let Scene { method, max_steps, .. } = *scene;
+    let mut settings = Settings { tolerance, method, max_steps, ..SETTINGS };
     if let Some(steps) = scene.strict_steps {
         (settings.way, settings.first_step) = (Way::Strict, 1.0 / steps as f64);
     }

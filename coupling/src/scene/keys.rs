@@ -35,6 +35,10 @@ pub const KEYS: &[Key] = &[
     key("accuracy.strict_steps", Count(1, 1000), Optional("softened contact says where to go, collision detection goes there"), "", "Guarded contact: every step goes in so many smaller ones by collision detection alone; many times slower, to see whether forces depend on the path", "20"),
     key("accuracy.check_stability", Flag, Default("false"), "", "Every state is shown to be a minimum of the energy, and left where it is none; `frames_tested_for_stability` in the summary counts them", "true"),
 
+    key("solver", Section, Optional("the defaults of its keys"), "", "How the steps are solved", ""),
+    key("solver.method", Word(&["newton", "relaxation"]), Default("\"newton\""), "", "Newton's method with sparse factors, or dynamic relaxation, which needs no matrices", "\"relaxation\""),
+    key("solver.max_steps", Count(1, 100_000_000), Default("100000"), "", "Time steps of dynamic relaxation that a step may take per body before it is given up", "1000000"),
+
     key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),
     key("effects.fibres", Word(&["hill", "thermal", "none"]), Optional("hill; thermal where the mesh is free of stress at heel strike"), "", "Law of the fibres: force from activation and length, from contraction as in the publication, or passive tissue", "\"hill\""),
     key("effects.fibre_spacing", Count(1, 4), Default("1"), "", "A fibre at every node of a section, or at one of so many along each row; all together keep their section", "2"),

@@ -13,6 +13,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use fem::scene::ContactMode;
+use fem::solve::{Method, Settings};
 use multibody::InputError;
 use multibody::error::{Mistakes, Place, unknown};
 use multibody::keys::examine;
@@ -188,6 +189,10 @@ pub struct Scene {
     pub strict_steps: Option<usize>,
     /// Every state is shown to be a minimum of the energy.
     pub check_stability: bool,
+    /// Which solver.
+    pub method: Method,
+    /// Time steps that a step may take per body where there are no matrices.
+    pub max_steps: usize,
     /// Where the mesh is free of stress.
     pub stress_free: StressFree,
     /// Fibres.
@@ -221,6 +226,8 @@ struct SceneFile {
     #[serde(default)]
     accuracy: AccuracyEntry,
     #[serde(default)]
+    solver: SolverEntry,
+    #[serde(default)]
     effects: EffectsEntry,
     #[serde(default)]
     materials: MaterialsEntry,
@@ -241,6 +248,13 @@ struct AccuracyEntry {
     contact_residual_n: Option<f64>,
     strict_steps: Option<usize>,
     check_stability: Option<bool>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SolverEntry {
+    method: Option<Spanned<Method>>,
+    max_steps: Option<usize>,
 }
 
 #[derive(Default, Deserialize)]
@@ -332,6 +346,16 @@ impl SceneFile {
         }
         let PerConfiguration { without, with } = NATURAL_RESIDUALS;
         let accuracy = &self.accuracy;
+        let newton_only = [
+            ("accuracy.check_stability", accuracy.check_stability == Some(true)),
+            ("accuracy.strict_steps", accuracy.strict_steps.is_some()),
+        ];
+        let method = self.solver.method.as_ref().filter(|m| *m.get_ref() != Method::Newton);
+        for (key, _) in newton_only.into_iter().filter(|(_, asked)| method.is_some() && *asked) {
+            let line = method.map_or(1, |m| at.line(m.span().start));
+            let remedy = format!("only newton does what {key} asks for: take that out, or the method");
+            wrong.note(at.bad(line, "solver.method", format!("relaxation with {key}"), remedy));
+        }
         let (deformable, muscles) = muscles?;
         Some(Scene {
             name: at.file.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned()),
@@ -350,6 +374,8 @@ impl SceneFile {
             },
             strict_steps: accuracy.strict_steps,
             check_stability: accuracy.check_stability.unwrap_or(false),
+            method: self.solver.method.as_ref().map_or(Method::Newton, |m| *m.get_ref()),
+            max_steps: self.solver.max_steps.unwrap_or(Settings::default().max_steps),
             stress_free,
             fibres,
             fibre_spacing: self.effects.fibre_spacing.unwrap_or(1),

@@ -39,6 +39,9 @@ impl Scene {
         let accuracy = section(&mut keys, "accuracy");
         accuracy.entry("residual_n").or_insert(without.into());
         accuracy.entry("contact_residual_n").or_insert(with.into());
+        let solver = section(&mut keys, "solver");
+        solver.insert("method".into(), Value::try_from(self.method).expect("a word"));
+        solver.entry("max_steps").or_insert((self.max_steps as i64).into());
         let effects = section(&mut keys, "effects");
         effects.insert("fibres".into(), Value::try_from(self.fibres).expect("a word"));
         effects.entry("fibre_spacing").or_insert((self.fibre_spacing as i64).into());

@@ -3,7 +3,7 @@
 //! Bonet & Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., §6.4 (derivatives of the
 //! invariants): ∂I₁/∂F = 2F, ∂I₂/∂F = 2(I₁F − FC), ∂J/∂F = cof F.
 
-use super::{Jet, Material, Matrix3, Matrix9, Mixed, Real, add_det_hessian, cofactor, flat};
+use super::{Jet, Material, Matrix3, Matrix9, Mixed, Real, Slope, add_det_hessian, cofactor, flat};
 
 /// A law of the three invariants.
 pub trait Isotropic: Copy + Send + Sync {
@@ -51,7 +51,7 @@ impl<L: Isotropic> Material for L {
 
     fn stress(&self, F: &Matrix3) -> Matrix3 {
         let (I1, I2, J, FC) = invariants(F);
-        let (I1, I2, J) = (Jet::<3>::variable(I1, 0), Jet::variable(I2, 1), Jet::variable(J, 2));
+        let (I1, I2, J) = (Slope::<3>::variable(I1, 0), Slope::variable(I2, 1), Slope::variable(J, 2));
         let [d1, d2, dJ] = self.psi(I1, I2, J, J).g;
         F * (2.0 * (d1 + d2 * I1.v)) - FC * (2.0 * d2) + cofactor(F) * dJ
     }
@@ -73,7 +73,9 @@ impl<L: Isotropic> Material for L {
 
     fn mixed_stress(&self, F: &Matrix3, theta: f64) -> (Matrix3, f64) {
         let (I1, I2, J, FC) = invariants(F);
-        let [d1, d2, dJ, dt] = self.mixed_jet(I1, I2, J, theta).g;
+        let variable = Slope::<4>::variable;
+        let [d1, d2, dJ, dt] =
+            self.psi(variable(I1, 0), variable(I2, 1), variable(J, 2), variable(theta, 3)).g;
         (F * (2.0 * (d1 + d2 * I1)) - FC * (2.0 * d2) + cofactor(F) * dJ, dt)
     }
 

@@ -196,3 +196,114 @@ impl<const N: usize> Mul<f64> for Jet<N> {
         self
     }
 }
+
+/// A value with first derivatives over `N` variables: a [`Jet`] without its Hessian, and to the bit what is in one, for what asks for stress
+/// alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Slope<const N: usize> {
+    /// Value.
+    pub v: f64,
+    /// Gradient.
+    pub g: [f64; N],
+}
+
+impl<const N: usize> Slope<N> {
+    /// The `index`-th independent variable.
+    #[inline(always)]
+    pub fn variable(v: f64, index: usize) -> Self {
+        let mut g = [0.0; N];
+        g[index] = 1.0;
+        Slope { v, g }
+    }
+}
+
+impl<const N: usize> Real for Slope<N> {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.v
+    }
+    #[inline(always)]
+    fn chain(self, phi: f64, slope: f64, _: f64) -> Self {
+        Slope { v: phi, g: self.g.map(|g| slope * g) }
+    }
+}
+
+impl<const N: usize> Add for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(mut self, o: Self) -> Self {
+        self.v += o.v;
+        for i in 0..N {
+            self.g[i] += o.g[i];
+        }
+        self
+    }
+}
+
+impl<const N: usize> Neg for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self * -1.0
+    }
+}
+
+impl<const N: usize> Sub for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        self + -o
+    }
+}
+
+impl<const N: usize> Mul for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, o: Self) -> Self {
+        let mut out = self;
+        out.v = self.v * o.v;
+        for i in 0..N {
+            out.g[i] = self.g[i] * o.v + self.v * o.g[i];
+        }
+        out
+    }
+}
+
+impl<const N: usize> Div for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    #[allow(clippy::suspicious_arithmetic_impl)]
+    fn div(self, o: Self) -> Self {
+        self * o.recip()
+    }
+}
+
+impl<const N: usize> Add<f64> for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(mut self, o: f64) -> Self {
+        self.v += o;
+        self
+    }
+}
+
+impl<const N: usize> Sub<f64> for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(mut self, o: f64) -> Self {
+        self.v -= o;
+        self
+    }
+}
+
+impl<const N: usize> Mul<f64> for Slope<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(mut self, o: f64) -> Self {
+        self.v *= o;
+        for i in 0..N {
+            self.g[i] *= o;
+        }
+        self
+    }
+}

@@ -24,7 +24,7 @@ pub mod user;
 pub use blemker::{Blemker, BlemkerFibre};
 pub use fibre_reinforced::FibreReinforced;
 pub use isotropic::{Isotropic, mean_dilatation};
-pub use jet::{Jet, Real};
+pub use jet::{Jet, Real, Slope};
 pub use law::Law;
 pub use linear_elastic::LinearElastic;
 pub use mooney_rivlin::{MooneyRivlin, MooneyRivlinDyna};

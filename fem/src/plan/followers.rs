@@ -55,7 +55,7 @@ impl Island {
     }
 
     /// The unknown that a component of a local node moves with: its free node and component; none where prescribed.
-    fn unknown(&self, node: u32, c: usize) -> Option<(u32, usize)> {
+    pub(super) fn unknown(&self, node: u32, c: usize) -> Option<(u32, usize)> {
         let owner = match self.motion[node as usize][c] {
             Motion::Free | Motion::Slides(_) => node,
             Motion::Follows(master) => master,

@@ -3,6 +3,7 @@
 use super::SceneError;
 use super::error::nearest;
 use super::island::Island;
+use super::load::Motion;
 use super::solids;
 use super::term::check;
 use crate::effect::{IslandTerm, TimeStep};
@@ -25,6 +26,36 @@ impl Inertia {
             motion.map(|c| if c.is_unknown() { self.masses[n as usize] } else { 0.0 })
         });
         Box::new(TimeStep::new(h, mass.collect(), x.to_vec(), v))
+    }
+}
+
+impl Island {
+    /// Masses \[kg\] of its nodes on the unknowns that move them, `masses` those of the nodes of the mesh: of nodes that are means of others
+    /// on these, as much as each moves them.
+    pub fn lumped(&self, masses: &[f64]) -> Vec<f64> {
+        let mut lumped = vec![0.0; 3 * self.free_nodes.len()];
+        for (n, mesh_node) in (0..).zip(&self.nodes) {
+            let own = vec![(n, 1.0)];
+            for &(node, weight) in self.means.get(&n).unwrap_or(&own) {
+                for c in 0..3 {
+                    if let Some((free, c)) = self.unknown(node, c) {
+                        lumped[3 * free as usize + c] += weight * masses[*mesh_node as usize];
+                    }
+                }
+            }
+        }
+        lumped
+    }
+
+    /// Puts velocities of the unknowns into those of all local nodes.
+    pub fn put_velocities(&self, unknowns: &[f64], all: &mut [f64]) {
+        for (&n, v) in self.free_nodes.iter().zip(unknowns.as_chunks::<3>().0) {
+            for c in 0..3 {
+                if matches!(self.motion[n as usize][c], Motion::Free | Motion::Slides(_)) {
+                    all[3 * n as usize + c] = v[c];
+                }
+            }
+        }
     }
 }
 

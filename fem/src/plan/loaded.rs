@@ -8,6 +8,7 @@ use super::island::{FORCE_BATCH, Island, STIFFNESS_BATCH};
 use super::load::{Load, Motion};
 use super::predictor::KinematicPredictor;
 use super::slide::Slide;
+use super::tied::TiedGroup;
 use crate::effect::{Anchored, Effect, EffectKind, IslandTerm, State};
 use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
 use nalgebra::{Matrix3, Vector3};
@@ -44,6 +45,11 @@ impl LoadedIsland {
         self
     }
 
+    /// The island.
+    pub fn island(&self) -> &Arc<Island> {
+        &self.island
+    }
+
     /// What `of` says of an effect as the solver sees it.
     fn effect<T>(&self, effect: usize, of: impl FnOnce(&dyn Effect) -> T) -> T {
         let effect = self.island.effects[effect].as_ref();
@@ -51,6 +57,57 @@ impl LoadedIsland {
             true => of(effect),
             false => of(&Anchored { effect, anchor: &self.anchor }),
         }
+    }
+
+    /// Stiffness of a group some nodes of which follow others, over its nodes and those that they follow: rows and columns are where they
+    /// count.
+    fn tied_stiffness(&self, t: &TiedGroup, s: &State, convexity: f64) -> Vec<f64> {
+        let island = &self.island;
+        let effect = &island.effects[t.effect];
+        let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
+        let mut small = vec![0.0; m * m];
+        self.effect(t.effect, |effect| effect.stiffness(s, convexity, t.group, &mut small));
+        let mut full = vec![0.0; n * n];
+        for r in 0..m {
+            full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
+        }
+        for (from, mean) in &t.means {
+            for c in 0..3 {
+                for column in 0..n {
+                    let value = std::mem::take(&mut full[(3 * from + c) * n + column]);
+                    mean.iter().for_each(|(to, w)| full[(3 * to + c) * n + column] += w * value);
+                }
+            }
+            for c in 0..3 {
+                for row in 0..n {
+                    let value = std::mem::take(&mut full[row * n + 3 * from + c]);
+                    mean.iter().for_each(|(to, w)| full[row * n + 3 * to + c] += w * value);
+                }
+            }
+        }
+        for &(from, to) in &t.moves {
+            for c in 0..n {
+                full[to * n + c] += std::mem::take(&mut full[from * n + c]);
+            }
+            for r in 0..n {
+                full[r * n + to] += std::mem::take(&mut full[r * n + from]);
+            }
+        }
+        for &(p, leader) in &t.slides {
+            let slide = &island.slides[&t.nodes[p]];
+            let stiffness = (0..3).map(|c| full[(3 * p + c) * (n + 1)].abs()).sum::<f64>() / 3.0;
+            for c in 0..n {
+                slide.redistribute(&mut full, |r| r * n + c, p, leader);
+            }
+            for r in 0..n {
+                slide.redistribute(&mut full, |c| r * n + c, p, leader);
+            }
+            let spring = (Matrix3::identity() - slide.free) * stiffness;
+            for e in 0..9 {
+                full[(3 * p + e / 3) * n + 3 * p + e % 3] += spring[(e / 3, e % 3)];
+            }
+        }
+        full
     }
 
     /// Positions \[m\] of all local nodes.
@@ -143,54 +200,8 @@ impl Potential for LoadedIsland {
                 }
             });
         }
-        for t in &island.tied {
-            let effect = &island.effects[t.effect];
-            if effect.is_linear() {
-                continue;
-            }
-            let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
-            let mut small = vec![0.0; m * m];
-            self.effect(t.effect, |effect| effect.stiffness(&s, convexity, t.group, &mut small));
-            let mut full = vec![0.0; n * n];
-            for r in 0..m {
-                full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
-            }
-            for (from, mean) in &t.means {
-                for c in 0..3 {
-                    for column in 0..n {
-                        let value = std::mem::take(&mut full[(3 * from + c) * n + column]);
-                        mean.iter().for_each(|(to, w)| full[(3 * to + c) * n + column] += w * value);
-                    }
-                }
-                for c in 0..3 {
-                    for row in 0..n {
-                        let value = std::mem::take(&mut full[row * n + 3 * from + c]);
-                        mean.iter().for_each(|(to, w)| full[row * n + 3 * to + c] += w * value);
-                    }
-                }
-            }
-            for &(from, to) in &t.moves {
-                for c in 0..n {
-                    full[to * n + c] += std::mem::take(&mut full[from * n + c]);
-                }
-                for r in 0..n {
-                    full[r * n + to] += std::mem::take(&mut full[r * n + from]);
-                }
-            }
-            for &(p, leader) in &t.slides {
-                let slide = &island.slides[&t.nodes[p]];
-                let stiffness = (0..3).map(|c| full[(3 * p + c) * (n + 1)].abs()).sum::<f64>() / 3.0;
-                for c in 0..n {
-                    slide.redistribute(&mut full, |r| r * n + c, p, leader);
-                }
-                for r in 0..n {
-                    slide.redistribute(&mut full, |c| r * n + c, p, leader);
-                }
-                let spring = (Matrix3::identity() - slide.free) * stiffness;
-                for e in 0..9 {
-                    full[(3 * p + e / 3) * n + 3 * p + e % 3] += spring[(e / 3, e % 3)];
-                }
-            }
+        for t in island.tied.iter().filter(|t| !island.effects[t.effect].is_linear()) {
+            let (full, n) = (self.tied_stiffness(t, &s, convexity), 3 * t.nodes.len());
             for (a, &na) in t.nodes.iter().enumerate() {
                 for (b, &nb) in t.nodes.iter().enumerate() {
                     if let (Some(row), Some(column)) = (island.free_index(na), island.free_index(nb)) {
@@ -202,6 +213,45 @@ impl Potential for LoadedIsland {
         }
         for term in &self.terms {
             k.couple(&island.onto_unknowns(term.hessian(&x, convexity)));
+        }
+    }
+
+    fn diagonal_blocks(&self, x: &[f64], blocks: &mut [f64]) {
+        let island = &self.island;
+        let x = self.expand(x);
+        let s = State { x: &x, controls: &self.load.controls };
+        blocks.fill(0.0);
+        for (e, slots) in island.slots.iter().enumerate().filter(|(e, _)| !island.effects[*e].is_linear()) {
+            let m = island.effects[e].nodes_per_group();
+            self.effect(e, |effect| {
+                slots.add_rows::<9>(blocks, STIFFNESS_BATCH, |first, out| {
+                    let mut k = vec![0.0; 9 * m * m];
+                    for (group, out) in (first..).zip(out.chunks_exact_mut(9 * m)) {
+                        effect.stiffness(&s, 1.0, group, &mut k);
+                        for (a, block) in out.as_chunks_mut::<9>().0.iter_mut().enumerate() {
+                            *block = std::array::from_fn(|e| k[(3 * a + e / 3) * 3 * m + 3 * a + e % 3]);
+                        }
+                    }
+                });
+            });
+        }
+        let blocks = blocks.as_chunks_mut::<9>().0;
+        for t in island.tied.iter().filter(|t| !island.effects[t.effect].is_linear()) {
+            let (full, n) = (self.tied_stiffness(t, &s, 1.0), 3 * t.nodes.len());
+            for (a, &node) in t.nodes.iter().enumerate() {
+                if let Some(free) = island.free_index(node) {
+                    for (e, sum) in blocks[free].iter_mut().enumerate() {
+                        *sum += full[(3 * a + e / 3) * n + 3 * a + e % 3];
+                    }
+                }
+            }
+        }
+        for term in &self.terms {
+            for ([row, column], block) in island.onto_unknowns(term.hessian(&x, 1.0)) {
+                if row == column {
+                    blocks[row as usize].iter_mut().zip(block).for_each(|(sum, b)| *sum += b);
+                }
+            }
         }
     }
 

@@ -142,16 +142,26 @@ impl Slots {
     ///
     /// Summed in the order of the groups: same bits on any number of threads.
     pub fn add_vectors(&self, g: &mut [f64], batch: usize, fill: impl Fn(usize, &mut [f64]) + Sync) {
+        self.add_rows::<3>(g, batch, fill);
+    }
+
+    /// Adds `W` values per node of each group to those of its free node in `sums`, see [`add_vectors`](Slots::add_vectors).
+    pub fn add_rows<const W: usize>(
+        &self,
+        sums: &mut [f64],
+        batch: usize,
+        fill: impl Fn(usize, &mut [f64]) + Sync,
+    ) {
         let m = self.nodes_per_group;
-        self.for_each_batch(3 * m, batch, fill, |first_entry, entries, vectors| {
+        self.for_each_batch(W * m, batch, fill, |first_entry, entries, values| {
             self.scatter(
-                g,
-                |node| 3 * node,
+                sums,
+                |node| W * node,
                 entries,
-                |entry, offset, g: &mut [f64]| {
-                    let from = &vectors[3 * (entry - first_entry)..][..3];
-                    let to = 3 * self.nodes[entry] as usize - offset;
-                    for (to, from) in g[to..to + 3].iter_mut().zip(from) {
+                |entry, offset, sums: &mut [f64]| {
+                    let from = &values[W * (entry - first_entry)..][..W];
+                    let to = W * self.nodes[entry] as usize - offset;
+                    for (to, from) in sums[to..to + W].iter_mut().zip(from) {
                         *to += from;
                     }
                 },
@@ -486,6 +496,13 @@ impl BlockMatrix {
             self.cross.row(a).for_each(|at| add(self.cross.column[at], &self.cross.blocks[at]));
         }
         f64::EPSILON * sum.sqrt()
+    }
+
+    /// Block of a node with itself, row-major.
+    pub fn diagonal_block(&self, node: usize) -> &[f64; 9] {
+        let at =
+            self.pattern.row(node).binary_search(&(node as u32)).expect("the diagonal is in the pattern");
+        &self.row(node)[at]
     }
 
     /// Diagonal entry of unknown `i`.

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// One Newton iteration.
-#[derive(Clone, Debug, PartialEq)]
+/// One Newton iteration; without matrices what a stretch of time steps came to.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Iteration {
     /// Name of the island.
     pub island: String,
@@ -21,7 +21,7 @@ pub struct Iteration {
     pub force_scale: f64,
     /// Potential Π \[J\].
     pub energy: f64,
-    /// Fraction of the Newton step taken; in softened contact single nodes may have gone less.
+    /// Fraction of the Newton step taken; in softened contact single nodes may have gone less. Of dynamic relaxation its damping.
     pub step_length: f64,
     /// Least det F.
     pub least_det_f: f64,
@@ -36,7 +36,7 @@ pub struct Iteration {
 }
 
 impl Iteration {
-    pub(super) fn trace(&self) {
+    pub(crate) fn trace(&self) {
         tracing::debug!(
             island = %self.island,
             step = self.step,

@@ -1,6 +1,6 @@
 //! How a load ended: what it took, or where and why it could be carried no farther.
 
-use super::LooseComponent;
+use super::{LooseComponent, Motion};
 use thiserror::Error;
 
 /// How an island came to equilibrium under the full load.
@@ -22,7 +22,7 @@ pub struct Advance {
     pub crossed_pairs: usize,
     /// Linear systems solved, for Newton's method and predictions: what [`Settings::max_work`](super::Settings::max_work) bounds.
     pub work: usize,
-    /// Newton iterations, those of failed load steps included.
+    /// Newton iterations, those of failed load steps included; time steps where there are no matrices.
     pub iterations: usize,
     /// Conjugate gradient iterations.
     pub linear_iterations: usize,
@@ -44,6 +44,8 @@ pub struct Advance {
     pub indefinite_at: Vec<f64>,
     /// Loads at which an equilibrium was found unstable (buckling, snap-through) and left for a stable one.
     pub unstable_at: Vec<f64>,
+    /// How it moved, of explicit dynamics.
+    pub motion: Option<Motion>,
     /// Whether the equilibrium at the end was tested and is a minimum of the potential; otherwise nobody asked.
     pub tested_stable: bool,
     /// Seconds in assembly (energy, gradient, Hessian).
@@ -107,6 +109,23 @@ pub enum Reason {
         /// Linear systems that it may solve.
         most: usize,
     },
+    /// The motion has not come to rest.
+    NotSettled {
+        /// Time steps that it may take.
+        steps: usize,
+    },
+    /// Something that moves freely weighs nothing.
+    NoMass {
+        /// Its node.
+        node: String,
+    },
+    /// At the end of a frame energy is missing, or too much.
+    Imbalance {
+        /// How much \[J\].
+        missing: f64,
+        /// The energies in play \[J\].
+        in_play: f64,
+    },
     /// Every equilibrium that was found is a saddle of the potential.
     Unstable,
     /// A gradient or energy that is not a number.
@@ -143,6 +162,17 @@ impl std::fmt::Display for Reason {
                 f,
                 "{most} linear systems are solved, and no frame may take more; a way of shorter frames shows where it \
                  gets hard, `max_work` allows for more"
+            ),
+            Reason::NotSettled { steps } => write!(
+                f,
+                "it has not come to rest in {steps} time steps, and no frame may take more; `max_steps` allows for more, and Newton's method \
+                 needs fewer where stiffness and softness are far apart"
+            ),
+            Reason::NoMass { node } => write!(f, "{node} has no mass: no solid with inertia is there"),
+            Reason::Imbalance { missing, in_play } => write!(
+                f,
+                "{missing:.2e} J are missing or too much at the end, beside {in_play:.2e} J in play: the motion is too fast for its time steps; \
+                 take a smaller `time_step_factor`, or let the load go more slowly"
             ),
             Reason::Unstable => {
                 write!(f, "every equilibrium found is unstable, and left for another one that is")

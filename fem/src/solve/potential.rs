@@ -35,6 +35,16 @@ pub trait Potential: Send + Sync {
     /// semi-definite.
     fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix);
 
+    /// Diagonal 3×3 blocks of the Hessian \[N/m\], 9 values row-major per free node, of terms that have lost all their negative curvatures;
+    /// overwrites `blocks`. Solvers without matrices measure nodes by them.
+    fn diagonal_blocks(&self, x: &[f64], blocks: &mut [f64]) {
+        let mut k = BlockMatrix::zeros(self.pattern().clone());
+        self.hessian(x, 1.0, &mut k);
+        for (node, block) in blocks.as_chunks_mut::<9>().0.iter_mut().enumerate() {
+            *block = *k.diagonal_block(node);
+        }
+    }
+
     /// Unknowns that are [`fixed`](Potential::fixed) because they take over the displacement of another: both.
     fn followers(&self) -> Vec<[usize; 2]> {
         Vec::new()

@@ -36,9 +36,24 @@ pub enum Way {
     Strict,
 }
 
+/// Which solver finds the equilibria.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Newton's method with sparse factors.
+    #[default]
+    Newton,
+    /// Dynamic relaxation, without matrices.
+    Relaxation,
+    /// Central differences in time, without matrices: motion of what has inertia.
+    Explicit,
+}
+
 /// How the solver works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
+    /// Which solver.
+    pub method: Method,
     /// Wanted ‖g‖ relative to the forces in play ([`Potential::force_scale`](super::Potential::force_scale)), above 0 and below 1.
     /// Nothing looser is ever called solved.
     pub tolerance: f64,
@@ -49,6 +64,12 @@ pub struct Settings {
     /// Linear systems that a frame may solve per island, at least 1. Ten times what the hardest frames known take (slack straps: 441), so
     /// that a run that only creeps ends.
     pub max_work: usize,
+    /// Time steps that a frame may take per island where there are no matrices, at least 1.
+    pub max_steps: usize,
+    /// Explicit dynamics: time step over the longest that the masses bear, at least 1; above 1 masses are added where it takes them.
+    pub time_step_factor: f64,
+    /// Explicit dynamics: rate at which velocities fade \[1/s\], 0 or positive.
+    pub damping: f64,
     /// First load step, above 0; 1 is all at once.
     pub first_step: f64,
     /// Load steps shorter than this are not tried; above 0.
@@ -64,10 +85,14 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Settings {
         Settings {
+            method: Method::default(),
             tolerance: 1e-6,
             least_force: 0.0,
             max_iterations: 60,
             max_work: 5000,
+            max_steps: 100_000,
+            time_step_factor: 1.0,
+            damping: 0.0,
             first_step: 1.0,
             least_step: 1e-4,
             double_precision_factor: false,
@@ -86,7 +111,18 @@ fn runs_away(good: &[f64], x: &[f64]) -> Option<Reason> {
 impl Settings {
     /// Everything that cannot be, with what it must be.
     pub fn mistakes(&self) -> Vec<String> {
-        let Settings { tolerance, least_force, max_iterations, max_work, first_step, least_step, .. } = self;
+        let Settings {
+            tolerance,
+            least_force,
+            max_iterations,
+            max_work,
+            max_steps,
+            time_step_factor,
+            damping,
+            first_step,
+            least_step,
+            ..
+        } = self;
         let number = |value: &f64| format!("{value:e}");
         [
             ("tolerance", number(tolerance), *tolerance > 0.0 && *tolerance < 1.0, "above 0 and below 1"),
@@ -98,6 +134,19 @@ impl Settings {
             ),
             ("max_iterations", max_iterations.to_string(), *max_iterations > 0, "at least 1"),
             ("max_work", max_work.to_string(), *max_work > 0, "at least 1"),
+            ("max_steps", max_steps.to_string(), *max_steps > 0, "at least 1"),
+            (
+                "time_step_factor",
+                number(time_step_factor),
+                *time_step_factor >= 1.0 && time_step_factor.is_finite(),
+                "at least 1",
+            ),
+            (
+                "damping [1/s]",
+                number(damping),
+                *damping >= 0.0 && damping.is_finite(),
+                "0 or a positive number",
+            ),
             (
                 "first_step",
                 number(first_step),
