@@ -13,8 +13,10 @@ pub mod island_term;
 pub mod line;
 pub mod load;
 pub mod membrane;
+pub mod obstacle;
 pub mod patch_pressure;
 pub mod pressure;
+pub mod sling;
 pub mod solid;
 
 pub use anchored::Anchored;
@@ -25,8 +27,10 @@ pub use island_term::IslandTerm;
 pub use line::Lines;
 pub use load::DeadLoad;
 pub use membrane::Membrane;
+pub use obstacle::Obstacle;
 pub use patch_pressure::PatchPressure;
 pub use pressure::Pressure;
+pub use sling::Slings;
 pub use solid::Solid;
 
 /// Where the nodes are and what drives the effects now.
