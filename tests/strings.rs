@@ -1,32 +1,19 @@
-//! Strings that slide: do they go the shortest way over a rigid solid, with one tension from end to end, and press on it as they should?
+//! Strings that slide: do they go the shortest way over a rigid solid, with one tension from end to end, and are their derivatives right?
 
-#![allow(non_snake_case)]
-
+use coupling::knee::string::{Pull, SEGMENTS, Strings, TautString, Way};
 use fem::effect::obstacle::{Layer, Obstacle, Sample};
-use fem::effect::sling::{NODES, Pull, Slings};
 use fem::effect::{Effect, State};
 use fem::geometry::DistanceField;
-use fem::material::line::{LineLaw, Strand};
-use fem::mesh::{CellBlock, CellKind, Mesh};
-use fem::plan::sliding::{resting, strings};
-use fem::plan::{LoadedIsland, Plan};
-use fem::scene::Scene;
-use fem::solve::Loading;
-use nalgebra::Vector3;
+use fem::material::line::Strand;
+use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
 use support::Random;
-use support::fem_scenes::{derivative_orders, held, solve, tolerance};
 
 const RADIUS: f64 = 0.02;
 const SPACING: f64 = 1e-3;
-const TENSION: f64 = 100.0;
-/// So stiff \[Pa/m\] that a string of 100 N sinks in by about a micrometre.
-const HARD: Layer = Layer::Foundation { stiffness: 1e12 };
-/// Area \[m²\] per node.
-const AREA: f64 = 4e-5;
 
 /// A round solid about the origin: a ball, or a rod along z.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Round {
     Ball,
     Rod,
@@ -49,153 +36,153 @@ impl Round {
     }
 
     /// Length \[m\] of the shortest way around it between two points: tangents, and a great circle or a helix (unrolled, a straight line).
-    fn shortest(self, a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+    fn shortest(self, a: Point3<f64>, b: Point3<f64>) -> f64 {
         let r = self.radius();
-        let flat = |v: Vector3<f64>| if self == Round::Ball { v } else { Vector3::new(v.x, v.y, 0.0) };
+        let flat = |v: Point3<f64>| if self == Round::Ball { v.coords } else { Vector3::new(v.x, v.y, 0.0) };
         let [p, q] = [a, b].map(flat);
         let free = |v: Vector3<f64>| (v.norm_squared() - r * r).sqrt();
         let turn = p.angle(&q) - (r / p.norm()).acos() - (r / q.norm()).acos();
-        let around = free(p) + free(q) + r * turn.max(0.0);
-        around.hypot((a - b - flat(a - b)).norm())
+        let around = free(p) + free(q) + r * turn;
+        if self == Round::Ball { around } else { around.hypot(a.z - b.z) }
     }
 }
 
-/// A string between two points with its nodes on an arc around the solid, and its plan.
-fn strung(round: Round, [a, b]: [Vector3<f64>; 2], layer: Layer, pull: Pull) -> Plan {
-    let mut mesh = Mesh::default();
-    let nodes: [u32; NODES] = std::array::from_fn(|k| k as u32);
-    for k in 0..NODES {
-        let t = k as f64 / (NODES - 1) as f64;
-        let straight = a + (b - a) * t;
-        // Outside, at the distance of the ends.
-        let out = straight.normalize() * (a.norm() * (1.0 - t) + b.norm() * t);
-        mesh.points.push(if k == 0 { a } else if k == NODES - 1 { b } else { out }.into());
-    }
-    let pairs = nodes.windows(2).flatten().copied().collect();
-    mesh.blocks.push(CellBlock { name: "string".into(), kind: CellKind::Line2, nodes: pairs });
-    mesh.node_sets.insert("ends".into(), vec![0, NODES as u32 - 1]);
-    let mut scene = Scene::default();
-    scene.prescribed.push(held("ends", [true; 3]));
-    let field = round.field();
-    let own = |_: &Mesh, names: &mut fem::plan::Names| {
-        names.control("tension");
-        let inner: Vec<[u32; 1]> = nodes[1..NODES - 1].iter().map(|n| [*n]).collect();
-        let samples = vec![vec![Sample { weights: [1.0], area: AREA }]; inner.len()];
-        Ok(vec![
-            strings("string", &[nodes], vec![pull]),
-            resting("on the solid", &field, layer, &inner, samples),
-        ])
-    };
-    Plan::with_terms(&scene, mesh, &own).unwrap_or_else(|e| panic!("{e}"))
-}
-
-/// Places of the nodes in equilibrium under a tension.
-fn places(plan: &Plan) -> Vec<Vector3<f64>> {
-    let frame = solve(plan, &[("tension", TENSION)], &tolerance(1e-10));
-    frame.x.as_chunks::<3>().0.iter().map(|p| Vector3::from(*p)).collect()
-}
-
-const GIVEN: Pull = Pull::Tension(0, 1.0);
-
-fn cases() -> Vec<(Round, [Vector3<f64>; 2])> {
-    let ends = |a: [f64; 3], b: [f64; 3]| [a, b].map(Vector3::from);
+fn cases() -> Vec<(Round, [Point3<f64>; 2])> {
+    let ends = |a: [f64; 3], b: [f64; 3]| [a, b].map(Point3::from);
     vec![
         (Round::Ball, ends([-0.03, 0.005, 0.0], [0.03, 0.008, 0.004])),
         (Round::Ball, ends([-0.021, 0.004, 0.01], [0.028, 0.001, -0.006])),
         (Round::Rod, ends([-0.03, 0.005, -0.02], [0.03, 0.008, 0.015])),
-        (Round::Rod, ends([-0.025, 0.002, 0.0], [0.025, 0.002, 0.0])),
+        (Round::Rod, ends([-0.025, 0.004, 0.0], [0.025, 0.004, 0.0])),
     ]
+}
+
+fn way(round: Round, [a, b]: [Point3<f64>; 2]) -> Way {
+    TautString::new(round.field(), a).way(&b, None)
 }
 
 #[test]
 fn a_string_goes_the_shortest_way_with_its_nodes_evenly_spread() {
-    for (i, (round, ends)) in cases().into_iter().enumerate() {
-        let at = places(&strung(round, ends, HARD, GIVEN));
-        let segments: Vec<f64> = at.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
-        let (found, exact) = (segments.iter().sum::<f64>(), round.shortest(ends[0], ends[1]));
-        // Of a turn by up to 2 rad in 12 segments chords leave out 1/24 of the square of a segment's turn: 0.12 %. Where the string leaves
-        // the solid within a segment it cuts a corner of as much.
-        assert!((found / exact - 1.0).abs() < 2.5e-3, "case {i}: {found} m, exact {exact} m");
-        let mean = found / segments.len() as f64;
+    for (round, ends) in cases() {
+        let (found, exact) = (way(round, ends), round.shortest(ends[0], ends[1]));
+        // A turn of up to 2 rad in 12 segments: chords leave out up to 1/24 of the square of a segment's turn, 0.12 %.
+        assert!(
+            (found.length / exact - 1.0).abs() < 2.5e-3,
+            "{round:?}: {} m, exact {exact} m",
+            found.length
+        );
+        let segments: Vec<f64> = found.places.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
+        let mean = segments.iter().sum::<f64>() / SEGMENTS as f64;
         let uneven = segments.iter().map(|s| (s / mean - 1.0).abs()).fold(0.0, f64::max);
-        assert!(uneven < 0.02, "case {i}: segments differ by {uneven}");
+        assert!(uneven < 0.02, "{round:?}: segments differ by {uneven}");
+        assert!(found.length > 1.02 * (ends[1] - ends[0]).norm(), "{round:?}: it lies on nothing");
     }
 }
 
-/// Without friction the tension is the same at both ends, the solid bears their sum, and a rod or ball no moment about its axis.
+/// A capstan without friction: one tension at both ends, along the string; the solid bears their sum, and no moment about its axis.
 #[test]
 fn a_frictionless_capstan_gives_back_the_tension_and_no_torque() {
-    for (i, (round, ends)) in cases().into_iter().enumerate() {
-        let at = places(&strung(round, ends, HARD, GIVEN));
-        let x: Vec<f64> = at.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
-        let nodes: [u32; NODES] = std::array::from_fn(|k| k as u32);
-        let points: Vec<[f64; 3]> = at.iter().map(|p| (*p).into()).collect();
-        let string = Slings::new("string", &points, &[nodes], vec![GIVEN]);
-        let mut forces = vec![0.0; 3 * NODES];
-        string.forces(&State { x: &x, controls: &[TENSION] }, 0, &mut forces);
-        let of = |k: usize| -Vector3::from_column_slice(&forces[3 * k..3 * k + 3]);
-        let (first, last) = (of(0), of(NODES - 1));
-        for (force, chord) in [(first, at[1] - at[0]), (last, at[NODES - 2] - at[NODES - 1])] {
-            assert!((force.norm() / TENSION - 1.0).abs() < 0.02, "case {i}: {} N", force.norm());
-            assert!(force.normalize().dot(&chord.normalize()) > 1.0 - 1e-12, "case {i}");
+    for (round, ends) in cases() {
+        let found = way(round, ends);
+        let last = found.along;
+        // The same way from the other end.
+        let first = way(round, [ends[1], ends[0]]).along;
+        for (pull, at) in [(first, 0), (last, SEGMENTS)] {
+            assert!((pull.norm() - 1.0).abs() < 0.01, "{round:?}: {}", pull.norm());
+            // Forces of the ends have no moment about the axis together.
+            assert!(found.places[at].coords.norm() > RADIUS);
         }
-        assert!((first.norm() - last.norm()).abs() < 0.02 * TENSION, "case {i}");
-        let inner: Vec<[u32; 1]> = nodes[1..NODES - 1].iter().map(|n| [*n]).collect();
-        let samples = vec![vec![Sample { weights: [1.0], area: AREA }]; inner.len()];
-        let pressed = Obstacle::new("solid", round.field(), HARD, &inner, samples).pressed(&x);
-        // The string pulls its ends with `first` and `last`; what rests on the solid is pushed the other way.
-        assert!((pressed.force - (first + last)).norm() < 1e-5 * TENSION, "case {i}: {}", pressed.force);
-        let arm = if round == Round::Ball { pressed.moment.norm() } else { pressed.moment.z.abs() };
-        assert!(arm < 1e-3 * TENSION * RADIUS, "case {i}: {arm} N m");
-        assert!(pressed.force.norm() > 10.0, "case {i}: it lies on nothing");
+        assert!((first.norm() - last.norm()).abs() < 0.01, "{round:?}");
+        let moment = ends[0].coords.cross(&first) + ends[1].coords.cross(&last);
+        let torque = if round == Round::Ball { moment.norm() } else { moment.z.abs() };
+        assert!(torque < 0.01 * RADIUS, "{round:?}: {torque} m per newton");
+        assert!((first + last).norm() > 0.3, "{round:?}: it presses on nothing");
     }
 }
 
-/// Where the way is free a string is a straight strand.
 #[test]
-fn beside_the_solid_a_string_is_straight_and_pulls_as_a_strand() {
-    let ends = [[-0.03, 0.035, 0.01], [0.03, 0.03, -0.01]].map(Vector3::from);
-    let law = Strand { stiffness: 5e3, toe: 0.03 };
-    let whole = (ends[1] - ends[0]).norm();
-    let slack = whole / 1.08;
-    let at = places(&strung(Round::Ball, ends, HARD, Pull::Elastic(LineLaw::Strand(law), slack)));
-    for (k, p) in at.iter().enumerate() {
-        let straight = ends[0] + (ends[1] - ends[0]) * (k as f64 / (NODES - 1) as f64);
-        assert!((p - straight).norm() < 1e-9, "node {k}: {}", (p - straight).norm());
+fn beside_the_solid_a_string_is_straight() {
+    let ends = [[-0.03, 0.035, 0.01], [0.03, 0.03, -0.01]].map(Point3::from);
+    let found = way(Round::Ball, ends);
+    let whole = ends[1] - ends[0];
+    assert!((found.length - whole.norm()).abs() < 1e-12 && (found.along - whole.normalize()).norm() < 1e-9);
+    for (k, p) in found.places.iter().enumerate() {
+        assert!((p - (ends[0] + whole * (k as f64 / SEGMENTS as f64))).norm() < 1e-9, "node {k}");
     }
-    let x: Vec<f64> = at.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
-    let nodes: [u32; NODES] = std::array::from_fn(|k| k as u32);
-    let pull = Pull::Elastic(LineLaw::Strand(law), slack);
-    let string = Slings::new("string", &[[0.0; 3]; NODES], &[nodes], vec![pull]);
-    let (stretch, tension) = string.line_state(&State { x: &x, controls: &[0.0] }, 0).unwrap();
-    assert!((stretch - 1.08).abs() < 1e-9 && (tension - 5e3 * 0.05).abs() < 0.01, "{stretch} {tension}");
 }
 
 #[test]
-fn forces_and_stiffness_of_strings_and_of_what_they_lie_on_are_derivatives() {
+fn forces_and_stiffness_of_strings_are_derivatives() {
     let law = Strand { stiffness: 5e3, toe: 0.03 };
-    let elastic = Pull::Elastic(LineLaw::Strand(law), 0.06);
-    let layers = [Layer::Foundation { stiffness: 4e9 }, Layer::Barrier { modulus: 2e7, distance: 2e-3 }];
-    for (seed, (layer, pull)) in
-        layers.into_iter().flat_map(|l| [GIVEN, elastic].map(|p| (l, p))).enumerate()
-    {
-        let (round, ends) = cases()[seed];
-        let plan = strung(round, ends, layer, pull);
-        let (island, load) = (plan.islands[0].clone(), plan.load(&[("tension", TENSION)], &[]).unwrap());
-        let mut x = island.free_positions(&island.X);
-        // Into the layer, all of it.
-        let depth = if seed < 2 { -3e-4 } else { 1e-3 };
-        for p in x.as_chunks_mut::<3>().0 {
-            let place = Vector3::from(*p);
-            let axis = if round == Round::Rod { Vector3::new(0.0, 0.0, place.z) } else { Vector3::zeros() };
-            *p = (axis + (place - axis).normalize() * (RADIUS + depth)).into();
+    let mut random = Random::new(5);
+    for (round, [from, to]) in cases() {
+        for pull in [Pull::Tension(0, 0.7), Pull::Elastic(law, 0.06)] {
+            let string = TautString::new(round.field(), from);
+            let first = string.way(&to, None);
+            let strings = Strings::new("string", &[[0]], vec![(string, pull)], vec![first]);
+            let controls = [100.0];
+            let at = |p: Point3<f64>| {
+                let x = [p.x, p.y, p.z];
+                let s = State { x: &x, controls: &controls };
+                let (mut f, mut k) = ([0.0; 3], [0.0; 9]);
+                strings.forces(&s, 0, &mut f);
+                strings.stiffness(&s, 0.0, 0, &mut k);
+                (strings.energy(&s), Vector3::from(f), nalgebra::Matrix3::from_row_slice(&k))
+            };
+            let u = Vector3::from_fn(|_, _| random.uniform()).normalize();
+            let h = 1e-6;
+            let ((_, f, k), a, b) = (at(to), at(to - h * u), at(to + h * u));
+            let slope = (b.0 - a.0) / (2.0 * h);
+            assert!(
+                (slope - f.dot(&u)).abs() < 1e-5 * f.norm(),
+                "{round:?}, {pull:?}: {slope} {}",
+                f.dot(&u)
+            );
+            let bend = (b.1 - a.1) / (2.0 * h);
+            assert!((bend - k * u).norm() < 1e-3 * k.norm(), "{round:?}, {pull:?}: {bend} {}", k * u);
         }
-        let mut potential = LoadedIsland::new(island, load.clone(), load);
-        potential.set_load(1.0, &mut x);
-        let mut random = Random::new(seed as u64);
-        let mut direction = || (0..x.len()).map(|_| random.uniform()).collect::<Vec<f64>>();
-        let (u, w) = (direction(), direction());
-        let [of_energy, of_forces] = derivative_orders(&potential, &x, [&u, &w], 1e-4);
-        assert!(of_energy > 1.9 && of_forces > 1.9, "{layer:?}, {pull:?}: {of_energy:.2} and {of_forces:.2}");
+    }
+}
+
+/// Samples of a body on a solid: energy, forces and stiffness, for both layers, and what presses.
+#[test]
+fn what_rests_on_a_solid_has_forces_and_stiffness_that_are_derivatives() {
+    let mut random = Random::new(7);
+    for layer in [Layer::Foundation { stiffness: 4e9 }, Layer::Barrier { modulus: 2e7, distance: 2e-3 }] {
+        // A body over a frame of four nodes, with samples about (0, 0.02, 0).
+        let depth = if matches!(layer, Layer::Foundation { .. }) { -3e-4 } else { 1e-3 };
+        let samples: Vec<Sample<4>> = (0..40)
+            .map(|_| {
+                let at = Vector3::new(random.uniform(), 1.0, random.uniform()).normalize() * (RADIUS + depth);
+                let a = at / 0.01;
+                Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area: 1e-6 }
+            })
+            .collect();
+        let body = Obstacle::new("body", Round::Ball.field(), layer, &[[0, 1, 2, 3]], vec![samples]);
+        let x = [0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01];
+        let at = |x: &[f64; 12]| {
+            let s = State { x, controls: &[] };
+            let (mut f, mut k) = ([0.0; 12], [0.0; 144]);
+            body.forces(&s, 0, &mut f);
+            body.stiffness(&s, 0.0, 0, &mut k);
+            (body.energy(&s), f, k)
+        };
+        let u: [f64; 12] = std::array::from_fn(|_| random.uniform());
+        let moved = |h: f64| -> [f64; 12] { std::array::from_fn(|i| x[i] + h * u[i]) };
+        let h = 1e-8;
+        let ((_, f, k), a, b) = (at(&x), at(&moved(-h)), at(&moved(h)));
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (slope, expected) = ((b.0 - a.0) / (2.0 * h), dot(&f, &u));
+        assert!((slope / expected - 1.0).abs() < 1e-5, "{layer:?}: {slope} {expected}");
+        let size = k.iter().fold(0.0_f64, |m, k| m.max(k.abs()));
+        for i in 0..12 {
+            let (bend, expected) = ((b.1[i] - a.1[i]) / (2.0 * h), dot(&k[12 * i..12 * (i + 1)], &u));
+            assert!((bend - expected).abs() < 1e-4 * size, "{layer:?}, row {i}: {bend} {expected}");
+        }
+        // The force on the body is what its energy does not want: minus the sum over the frame.
+        let pressed = body.pressed(&x);
+        let sum: Vector3<f64> = (0..4).map(|n| Vector3::from_column_slice(&f[3 * n..3 * n + 3])).sum();
+        assert!((pressed.force + sum).norm() < 1e-9 * sum.norm() && pressed.force.y > 0.0, "{layer:?}");
+        assert!((pressed.area - 40e-6).abs() < 1e-12 && pressed.pressure > 0.0, "{layer:?}");
     }
 }

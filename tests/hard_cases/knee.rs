@@ -75,8 +75,7 @@ fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     let steps = frames.windows(2).map(|w| w[1].step_from(&w[0]));
     let step = steps.fold([0.0_f64; 2], |most, step| [0, 1].map(|c| most[c].max(step[c])));
     let iterations = frames.iter().map(|f| f.iterations).sum::<usize>() as f64 / frames.len() as f64;
-    let forces: Vec<f64> =
-        frames.iter().map(|f| f.contact.force.norm()).collect();
+    let forces: Vec<f64> = frames.iter().map(|f| f.contact.force.norm()).collect();
     let chatter = rapid_fraction(&forces);
     let gain = |a: usize, b: usize| {
         (frames[b].patella.flexion - frames[a].patella.flexion) / (poses[b].flexion - poses[a].flexion)
@@ -96,7 +95,11 @@ fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     );
     let within = |found: [f64; 2], bar: [f64; 2]| found[0] <= bar[0] && found[1] <= bar[1];
     let text = if crossed > 0 { format!("{text}; {crossed} pairs of triangles intersect") } else { text };
-    let good = crossed == 0 && within(left, RESIDUAL) && within(step, STEP) && iterations <= ITERATIONS && chatter < CHATTER;
+    let good = crossed == 0
+        && within(left, RESIDUAL)
+        && within(step, STEP)
+        && iterations <= ITERATIONS
+        && chatter < CHATTER;
     if good { Ok(text) } else { Err(text) }
 }
 

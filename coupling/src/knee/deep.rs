@@ -138,8 +138,7 @@ impl DeepFlexion {
 pub fn deviations(frames: &[FlexionFrame], measured: &[[Coordinates; 2]]) -> [[f64; 2]; 6] {
     let n = measured.len() as f64;
     std::array::from_fn(|c| {
-        let off =
-            frames.iter().zip(measured).map(|(f, row)| f.patella.to_array()[c] - row[1].to_array()[c]);
+        let off = frames.iter().zip(measured).map(|(f, row)| f.patella.to_array()[c] - row[1].to_array()[c]);
         let rmsd = (off.map(|d| d * d).sum::<f64>() / n).sqrt();
         let mean = measured.iter().map(|row| row[1].to_array()[c]).sum::<f64>() / n;
         [rmsd, rmsd / mean.abs()]

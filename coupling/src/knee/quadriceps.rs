@@ -21,14 +21,47 @@ pub struct Head {
     pub length: f64,
 }
 
-/// The heads. Long ones pull from the middle of their bellies, oblique ones from where their fibres reach the side of the femur.
+/// The heads. Long ones pull from the middle of their bellies, oblique ones from where their fibres reach the side of the femur. The long ones
+/// join in one tendon above the patella, so over the femur they run side by side, in the direction of their resultant: 35 % along the shaft, 33 % at 14
+/// degrees to lateral and 14 % at 15 to medial make 3.1 degrees. A line of its own for each would slip off the crest of the trochlea at 98 degrees.
 pub const HEADS: [Head; 5] = [
-    Head { name: "rectus_and_intermedius", share: 0.35, direction: [0.0, 0.0], insertion: [0.0, 1.0], length: LONG },
-    Head { name: "lateralis_long", share: 0.33, direction: [14.0, 0.0], insertion: [0.4, 0.9], length: LONG },
-    Head { name: "lateralis_oblique", share: 0.09, direction: [35.0, 33.0], insertion: [0.8, 0.6], length: OBLIQUE },
-    Head { name: "medialis_long", share: 0.14, direction: [-15.0, 0.0], insertion: [-0.4, 0.9], length: LONG },
-    Head { name: "medialis_oblique", share: 0.09, direction: [-47.0, 44.0], insertion: [-0.8, 0.6], length: OBLIQUE },
+    Head {
+        name: "rectus_and_intermedius",
+        share: 0.35,
+        direction: [TENDON, 0.0],
+        insertion: [0.0, 1.0],
+        length: LONG,
+    },
+    Head {
+        name: "lateralis_long",
+        share: 0.33,
+        direction: [TENDON, 0.0],
+        insertion: [0.4, 0.9],
+        length: LONG,
+    },
+    Head {
+        name: "lateralis_oblique",
+        share: 0.09,
+        direction: [35.0, 33.0],
+        insertion: [0.8, 0.6],
+        length: OBLIQUE,
+    },
+    Head {
+        name: "medialis_long",
+        share: 0.14,
+        direction: [TENDON, 0.0],
+        insertion: [-0.4, 0.9],
+        length: LONG,
+    },
+    Head {
+        name: "medialis_oblique",
+        share: 0.09,
+        direction: [-47.0, 44.0],
+        insertion: [-0.8, 0.6],
+        length: OBLIQUE,
+    },
 ];
+const TENDON: f64 = 3.1;
 const LONG: f64 = 0.16;
 const OBLIQUE: f64 = 0.05;
 
@@ -66,7 +99,7 @@ mod tests {
             HEADS.iter().map(|h| h.share * (h.origin(&at, shaft) - at).normalize()).sum()
         };
         let upright = pull(&Vector3::y());
-        // By hand: 33 % at 14 degrees and 9 % at 35 against 14 % at 15 and 9 % at 47, the oblique ones shortened by what goes backward.
+        // By hand: 35 % at none, 33 % at 14 degrees and 9 % at 35 against 14 % at 15 and 9 % at 47, the oblique ones shortened by what goes backward.
         let lateral = (upright.z / upright.y).atan().to_degrees();
         assert!((1.5..3.5).contains(&lateral), "{lateral}");
         assert!(upright.x < 0.0 && upright.norm() < 1.0, "{upright}");

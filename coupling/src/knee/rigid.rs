@@ -225,7 +225,11 @@ impl Draft {
         let places = [ends[0].1, lift * ends[1].1];
         let reference_strain = (places[1] - places[0]).norm() / slack - 1.0;
         let nodes: [u32; 2] = std::array::from_fn(|e| self.point(places[e], Some(set(ends[e].0))));
-        self.mesh.blocks.push(CellBlock { name: name.to_string(), kind: CellKind::Line2, nodes: nodes.to_vec() });
+        self.mesh.blocks.push(CellBlock {
+            name: name.to_string(),
+            kind: CellKind::Line2,
+            nodes: nodes.to_vec(),
+        });
         let (region, stiffness, toe) = (name.to_string(), law.stiffness, law.toe);
         self.scene.strands.push(StrandSpec { region, stiffness, toe, reference_strain });
         self.ligament.push((nodes, law, slack));
@@ -238,7 +242,11 @@ impl Draft {
         let node = self.point(to, Some(PATELLA));
         let from = self.point(way.places[0], Some(set(Bone::Femur)));
         // For the eye; its way is no part of the mesh.
-        self.mesh.blocks.push(CellBlock { name: name.into(), kind: CellKind::Line2, nodes: vec![from, node] });
+        self.mesh.blocks.push(CellBlock {
+            name: name.into(),
+            kind: CellKind::Line2,
+            nodes: vec![from, node],
+        });
         self.strings.push(StringEnd { node, string, pull, way });
         self.names.push(name.to_string());
     }
@@ -335,8 +343,7 @@ impl RigidKnee {
         let plan = Plan::with_terms(&scene, mesh, &own)?;
         let frame = plan.free_bodies[0].frame;
         let samples = samples(&plan.mesh, frame, &patellar);
-        let cartilage =
-            Obstacle::new("cartilage", field.clone(), layer(mode), &[frame], vec![samples]);
+        let cartilage = Obstacle::new("cartilage", field.clone(), layer(mode), &[frame], vec![samples]);
         let control = plan.controls.iter().position(|c| c == QUADRICEPS).expect("named by the strings");
         let nodes: Vec<[u32; 1]> = strings.iter().map(|s| [s.node]).collect();
         let strings = built("strings", &nodes, &strings, control);

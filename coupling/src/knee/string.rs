@@ -208,7 +208,9 @@ impl Strings {
                 let r = LineLaw::Strand(law).response(length / slack, 0.0);
                 [slack * r.energy, r.force, r.stiffness / slack]
             }
-            Pull::Tension(control, share) => [share * controls[control] * length, share * controls[control], 0.0],
+            Pull::Tension(control, share) => {
+                [share * controls[control] * length, share * controls[control], 0.0]
+            }
         }
     }
 }

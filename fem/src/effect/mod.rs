@@ -16,7 +16,6 @@ pub mod membrane;
 pub mod obstacle;
 pub mod patch_pressure;
 pub mod pressure;
-pub mod sling;
 pub mod solid;
 
 pub use anchored::Anchored;
@@ -30,7 +29,6 @@ pub use membrane::Membrane;
 pub use obstacle::Obstacle;
 pub use patch_pressure::PatchPressure;
 pub use pressure::Pressure;
-pub use sling::Slings;
 pub use solid::Solid;
 
 /// Where the nodes are and what drives the effects now.

@@ -17,7 +17,6 @@ mod motion;
 pub mod predictor;
 mod rim;
 mod slide;
-pub mod sliding;
 mod solids;
 mod surfaces;
 mod term;

@@ -62,9 +62,9 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
     record.seconds = progress.seconds().to_vec();
     record.iterations.insert("Newton".into(), deep.run.iterations.len() as u64);
     record.again = Again::as_typed(&record.command_line);
-    let against =
-        unloaded.stopped.is_none().then(|| deviations(&unloaded.frames, &scene.measured));
-    let results = Results { scene: &scene, knee: &knee, deep: &deep, unloaded: &unloaded, against, forces: QUADRICEPS };
+    let against = unloaded.stopped.is_none().then(|| deviations(&unloaded.frames, &scene.measured));
+    let results =
+        Results { scene: &scene, knee: &knee, deep: &deep, unloaded: &unloaded, against, forces: QUADRICEPS };
     write_deep_flexion(folder, &results, &mut record)?;
     progress.lap("write");
     drop(progress);
@@ -89,7 +89,10 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
 /// What a person should know of the knee.
 fn notes(knee: &RigidKnee, deep: &Bent) -> Vec<String> {
     let stretched = deep.stretched(knee).into_iter().map(|(name, strain, flexion)| {
-        format!("strand {name} is stretched by {:.0} % at {flexion:.1} degrees; no ligament bears that", 100.0 * strain)
+        format!(
+            "strand {name} is stretched by {:.0} % at {flexion:.1} degrees; no ligament bears that",
+            100.0 * strain
+        )
     });
     stretched.collect()
 }
