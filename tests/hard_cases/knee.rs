@@ -61,13 +61,13 @@ fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
     let knee = subject.knee(mode).map_err(|e| e.to_string())?;
     let poses = subject.poses();
-    let Bent { frames, run, stopped, .. } = flex(&knee, &poses, quadriceps, &Settings::default());
+    let Bent { frames, stopped, .. } = flex(&knee, &poses, quadriceps, &Settings::default());
     if let Some(stopped) = stopped {
         return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
     }
-    let crossed = match mode {
+    let crossed: usize = match mode {
         Cheap => 0,
-        Guarded => run.frames.iter().map(|f| subject.crossings(&knee, &f.x)).sum(),
+        Guarded => frames.iter().map(|f| subject.crossings(&f.patella)).sum(),
     };
     let norm = |v: [f64; 3]| Vector3::from(v).norm();
     let most = |of: &dyn Fn(&FlexionFrame) -> f64| frames.iter().map(of).fold(0.0, f64::max);

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use fem::geometry::{SearchSurface, Surface};
 use fem::scene::ContactMode;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::anatomy::{Bone, KneeAnatomy};
 use super::flexion::FlexionFrame;
 use super::pose::{Coordinates, TibiaPath, read_measured};
-use super::rigid::{PATELLAR_CARTILAGE, ReferencePose, RigidKnee};
+use super::rigid::{ReferencePose, RigidKnee};
 use crate::error::CouplingError;
 
 /// Where what is needed may be in the folder of data, or beside it.
@@ -22,8 +22,8 @@ const REFERENCE: usize = 1;
 /// Flexion from frame to frame, and at the end \[degrees\].
 const STRIDE: f64 = 2.5;
 const DEEPEST: f64 = 137.5;
-/// Depth \[m\] to which poses may drive the tibia into the femur.
-const DEPTH: f64 = 1e-3;
+/// Depth \[m\] to which cartilages of tibia and femur may overlap: both are 4.2 mm thick together, and bones may go a millimetre into each other.
+const DEPTH: f64 = 5.2e-3;
 
 /// What deep flexion is computed from.
 #[derive(Clone, Debug)]
@@ -86,22 +86,20 @@ impl DeepFlexion {
         all.filter(|f| (from..=to).contains(f)).map(|f| self.path.at(f)).collect()
     }
 
-    /// Pairs of triangles of femoral and patellar cartilage that intersect (exact) with the nodes at `x` \[m\], 3 per node: an answer that contact
-    /// has no part in.
-    pub fn crossings(&self, knee: &RigidKnee, x: &[f64]) -> usize {
-        let own = self.anatomy.frame(Bone::Femur).inverse();
-        let femoral = &self.anatomy.femoral_cartilage;
-        let points = femoral.points.iter().map(|p| (own * Point3::from(*p)).into()).collect();
-        let femoral = SearchSurface::new(Surface { points, triangles: femoral.triangles.clone() });
-        // The cartilage of the patella comes first in the mesh.
-        let patellar = &self.anatomy.patellar_cartilage;
-        let points = x.as_chunks::<3>().0[..patellar.points.len()].to_vec();
-        debug_assert_eq!(knee.plan.mesh.blocks[0].name, PATELLAR_CARTILAGE);
-        let patellar = SearchSurface::new(Surface { points, triangles: patellar.triangles.clone() });
+    /// Pairs of triangles of femoral and patellar cartilage that intersect (exact) with the patella at a pose: an answer that contact has no
+    /// part in.
+    pub fn crossings(&self, patella: &Coordinates) -> usize {
+        let moved = |surface: &Surface, by: Isometry3<f64>| {
+            let points = surface.points.iter().map(|p| (by * Point3::from(*p)).into()).collect();
+            SearchSurface::new(Surface { points, triangles: surface.triangles.clone() })
+        };
+        let own = |bone: Bone| self.anatomy.frame(bone).inverse();
+        let femoral = moved(&self.anatomy.femoral_cartilage, own(Bone::Femur));
+        let patellar = moved(&self.anatomy.patellar_cartilage, patella.pose() * own(Bone::Patella));
         femoral.intersections(&patellar).len()
     }
 
-    /// Refuses poses that drive the tibia into the femur by more than a millimetre, all at once.
+    /// Refuses poses that drive the bones of tibia and femur into each other by more than a millimetre, all at once.
     pub fn check_poses(&self, knee: &RigidKnee) -> Result<(), CouplingError> {
         let own = self.anatomy.frame(Bone::Tibia).inverse();
         let points: Vec<Point3<f64>> = (self.anatomy.tibial_cartilage.iter())
@@ -114,7 +112,7 @@ impl DeepFlexion {
             let deepest = points.iter().map(depth).fold(0.0, f64::max);
             if deepest > DEPTH {
                 problems.push(format!(
-                    "row {} ({} degrees): tibia and femur go {:.1} mm into each other",
+                    "row {} ({} degrees): cartilages of tibia and femur overlap by {:.1} mm",
                     row + 1,
                     pose.flexion,
                     1e3 * deepest

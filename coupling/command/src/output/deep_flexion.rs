@@ -1,14 +1,11 @@
-//! What `step deep_flexion` writes: `patella.csv`, `measured.csv`, frames for ParaView, a page, and `run.json`.
+//! What `step deep_flexion` writes: `patella.csv`, `measured.csv`, a page, and `run.json`.
 
 use std::time::Instant;
 
-use fem::output::write_run;
-use fem::parts::Beside;
 use serde_json::json;
 
 use super::OutputError;
 use super::atomic::OutputFolder;
-use super::claim::OWN_FRAMES;
 use super::run::RunRecord;
 use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
@@ -51,13 +48,6 @@ pub fn write_deep_flexion(
     out.write("measured.csv", |w| measured(w, results))?;
     let page = crate::report::deep_flexion::page(results);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
-    let [frames, name] = OWN_FRAMES;
-    let into = out.path().join(frames);
-    let written = std::fs::create_dir_all(&into).map_err(|e| OutputError::at("create the folder", &into, e));
-    written?;
-    let (plan, drive, run) = (&results.knee.plan, &results.deep.drive, &results.deep.run);
-    write_run(plan, drive, run, &into, name, &Beside::default())
-        .map_err(|e| OutputError::at("write", &into, std::io::Error::other(e.to_string())))?;
     record.verdict = Some(json!({
         "frames_solved": results.deep.frames.len(),
         "frames_asked": results.scene.poses().len(),
