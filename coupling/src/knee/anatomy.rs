@@ -1,7 +1,8 @@
 //! The surfaces of a knee, where its ligaments hold on, and the frames of its bones.
 //!
 //! A folder holds closed or open surfaces in STL (m, all in one frame) and `knee_model.json`: per body the transform of its own frame into
-//! that one, and springs with their ends. Axes of the own frames: x forward, y up, z lateral.
+//! that one, and springs with their ends. Axes of the own frames: x forward, y up, z lateral. The femur without its cartilage is no part of that
+//! knee: `femur_r.stl` in the folder `bones` beside it, into which the knee was fitted.
 
 #![allow(non_snake_case)]
 
@@ -12,11 +13,13 @@ use fem::geometry::Surface;
 use fem::mesh::LengthUnit;
 use multibody::InputError;
 use multibody::error::Place;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
 use crate::error::CouplingError;
 
+/// Bone of the femur, from the folder of the knee.
+const FEMUR: &str = "../bones/femur_r.stl";
 /// File of frames and springs.
 const MODEL: &str = "knee_model.json";
 /// How far from a rotation the matrix of a frame may be: what ten digits leave.
@@ -64,6 +67,10 @@ pub struct KneeAnatomy {
     pub patellar_cartilage: Surface,
     /// The patella without cartilage, closed.
     pub patella: Surface,
+    /// The femur without cartilage, closed.
+    pub femur: Surface,
+    /// Cartilage of the tibia, medial and lateral.
+    pub tibial_cartilage: [Surface; 2],
     /// From the own frame of a bone into that of the surfaces.
     frames: Frames,
     /// Springs between these bones.
@@ -82,6 +89,11 @@ impl KneeAnatomy {
             femoral_cartilage: surface("femoral_cartilage_r.stl")?,
             patellar_cartilage: surface("patellar_cartilage_r.stl")?,
             patella: surface("patella_bone_r.stl")?,
+            femur: surface(FEMUR)?,
+            tibial_cartilage: [
+                surface("tibial_cartilage_medial_r.stl")?,
+                surface("tibial_cartilage_lateral_r.stl")?,
+            ],
             frames,
             springs,
         })
@@ -92,14 +104,13 @@ impl KneeAnatomy {
         self.frames[&bone]
     }
 
-    /// Middle of the upper edge of the patella \[m\]: the mean of its points within `below` \[m\] of the highest one.
-    pub fn base(&self, below: f64) -> Point3<f64> {
-        let frame = self.frame(Bone::Patella);
-        let own: Vec<Point3<f64>> =
-            self.patella.points.iter().map(|p| frame.inverse() * Point3::from(*p)).collect();
-        let top = own.iter().fold(f64::MIN, |top, p| top.max(p.y));
-        let upper: Vec<Vector3<f64>> = own.iter().filter(|p| p.y > top - below).map(|p| p.coords).collect();
-        frame * Point3::from(upper.iter().sum::<Vector3<f64>>() / upper.len() as f64)
+    /// Of the patella in its own frame \[m\]: how far forward the middle of its points is, and how far up and to lateral it goes.
+    pub fn patella_half_axes(&self) -> [f64; 3] {
+        let frame = self.frame(Bone::Patella).inverse();
+        let own: Vec<Point3<f64>> = self.patella.points.iter().map(|p| frame * Point3::from(*p)).collect();
+        let most = |c: usize| own.iter().fold(f64::MIN, |most, p| most.max(p[c]));
+        let middle = own.iter().map(|p| p.x).sum::<f64>() / own.len() as f64;
+        [middle, most(1), most(2)]
     }
 }
 

@@ -1,13 +1,22 @@
 //! A knee bent from pose to pose of its tibia: the patella in equilibrium at each.
 
 use fem::body::Wrench;
-use fem::measure::{PairForce, free_bodies, pair_forces};
-use fem::run::{DriveFrame, Session};
+use fem::effect::obstacle::Pressed;
+use fem::measure::free_bodies;
+use fem::run::{Drive, DriveFrame, Frame, Run, Session};
 use fem::solve::{Settings, SolveError};
-use nalgebra::{Isometry3, Vector3};
 
 use super::pose::Coordinates;
-use super::rigid::RigidKnee;
+use super::rigid::{RigidKnee, StrandState};
+
+/// Shift to either side \[mm\] beyond which the patella has left its groove: half its width.
+const OUT: f64 = 21.5;
+/// Flexion from step to step on the way to the first pose \[degrees\].
+const APPROACH: f64 = 2.5;
+/// How often the force is doubled before: where a thousand newtons come at once the patella is thrown out of its groove.
+const DOUBLED: i32 = 5;
+/// Strain beyond which a strand is told of.
+const STRETCHED: f64 = 0.3;
 
 /// The patella at a pose of the tibia.
 #[derive(Clone, Debug)]
@@ -18,15 +27,28 @@ pub struct FlexionFrame {
     pub patella: Coordinates,
     /// What is left of all forces on it \[N, N·m\], moments about its origin.
     pub residual: Wrench,
-    /// Contact of its cartilage; absent where nothing touches.
-    pub contact: Option<PairForce>,
-    /// Strain of every strand, in the order of [`RigidKnee::strands`].
-    pub strains: Vec<f64>,
+    /// Contact of its cartilage.
+    pub contact: Pressed,
+    /// Every strand, in the order of [`RigidKnee::strands`].
+    pub strands: Vec<StrandState>,
     /// Iterations of Newton's method.
     pub iterations: usize,
 }
 
 impl FlexionFrame {
+    fn of(knee: &RigidKnee, tibia: &Coordinates, frame: &Frame) -> FlexionFrame {
+        let at = frame.snapshot();
+        let state = free_bodies(&knee.plan, at).remove(0);
+        FlexionFrame {
+            tibia: *tibia,
+            patella: knee.coordinates(&state.pose),
+            residual: state.residual,
+            contact: knee.pressed(at.x),
+            strands: knee.strand_states(at.x, &at.load.controls),
+            iterations: frame.count(|island| island.iterations),
+        }
+    }
+
     /// Turn \[degrees\] and shift \[mm\] of the patella since another frame.
     pub fn step_from(&self, other: &FlexionFrame) -> [f64; 2] {
         let [a, b] = [self, other].map(|f| f.patella.pose());
@@ -35,53 +57,117 @@ impl FlexionFrame {
     }
 }
 
-/// Takes the tibia through some poses under a constant force of the quadriceps \[N\], which pulls as the frame before leaves the patella. With
-/// an error the frames before it.
-pub fn flex(
-    knee: &RigidKnee,
-    poses: &[Coordinates],
-    quadriceps: f64,
-    settings: &Settings,
-) -> (Vec<FlexionFrame>, Option<SolveError>) {
-    let mut frames = Vec::new();
+/// Why a knee was not bent to the end.
+#[derive(Debug)]
+pub enum Stopped {
+    /// There is no equilibrium that the solver finds; the last good state on the way.
+    NoEquilibrium(SolveError, Option<Box<FlexionFrame>>),
+    /// The patella has left its groove.
+    Dislocated(Box<FlexionFrame>),
+}
+
+impl Stopped {
+    /// What a person should know: where, what is left of the forces, contact and strands there.
+    pub fn told(&self, knee: &RigidKnee) -> String {
+        let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let state = |f: &FlexionFrame| {
+            let strands: Vec<String> = (knee.strands.iter().zip(&f.strands))
+                .map(|(name, s)| format!("{name} {:.0} N at {:.1} %", s.tension, 100.0 * s.strain))
+                .collect();
+            format!(
+                "flexion {:.1} degrees, {:.3} N and {:.3} N mm left on the patella, contact {:.0} N over {:.0} mm2; strands: {}",
+                f.tibia.flexion,
+                norm(f.residual.force),
+                1e3 * norm(f.residual.moment),
+                f.contact.force.norm(),
+                1e6 * f.contact.area,
+                strands.join(", ")
+            )
+        };
+        match self {
+            Stopped::NoEquilibrium(error, None) => format!("the patella finds no equilibrium: {error}"),
+            Stopped::NoEquilibrium(error, Some(f)) => {
+                format!("the patella finds no equilibrium: {error}; last good state: {}", state(f))
+            }
+            Stopped::Dislocated(f) => format!(
+                "the patella has left its groove, {:.1} mm to lateral of the middle of the femur: {}",
+                f.patella.place[2],
+                state(f)
+            ),
+        }
+    }
+}
+
+/// A knee that was bent.
+#[derive(Debug)]
+pub struct Bent {
+    /// What was measured, frame by frame.
+    pub frames: Vec<FlexionFrame>,
+    /// What was asked for.
+    pub drive: Drive,
+    /// What was solved.
+    pub run: Run,
+    /// Why it ends early.
+    pub stopped: Option<Stopped>,
+}
+
+impl Bent {
+    /// Strands that are stretched beyond 30 % somewhere: their names, the greatest strain and the flexion \[degrees\] there.
+    pub fn stretched<'a>(&self, knee: &'a RigidKnee) -> Vec<(&'a str, f64, f64)> {
+        let of = |(i, name): (usize, &'a String)| {
+            let all = self.frames.iter().map(|f| (f.strands[i].strain, f.tibia.flexion));
+            let most = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
+            (most.0 > STRETCHED).then_some((name.as_str(), most.0, most.1))
+        };
+        knee.strands.iter().enumerate().filter_map(of).collect()
+    }
+}
+
+/// Takes the tibia through some poses under a constant force of the quadriceps \[N\].
+pub fn flex(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Bent {
+    let (mut frames, mut run, mut drive) = (Vec::new(), Run::default(), Drive::default());
+    let bent = |frames, drive, run, stopped| Bent { frames, drive, run, stopped };
     let mut session = match Session::new(&knee.plan, settings, None) {
         Ok(session) => session,
-        Err(error) => return (frames, Some(error)),
+        Err(error) => return bent(frames, drive, run, Some(Stopped::NoEquilibrium(error, None))),
     };
-    let mut patella = Isometry3::identity();
+    // Where the patella is, is known in the reference pose: the force comes there, doubled from part to part, and the tibia goes to the first
+    // pose in small steps.
+    let way = poses.first().map_or(Vec::new(), |first| knee.reference.towards(first, APPROACH));
+    let parts = (1..=DOUBLED).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
+    for (tibia, part) in &parts.chain(way.into_iter().map(|tibia| (tibia, 1.0))).collect::<Vec<_>>() {
+        let Ok(load) = knee.load(tibia, part * quadriceps) else { continue };
+        let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
+        run.iterations.append(&mut advanced.iterations);
+        if !advanced.errors.is_empty() {
+            let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
+            let stopped = Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame)));
+            run.unsolved = Some(advanced.frame);
+            return bent(frames, drive, run, Some(stopped));
+        }
+    }
     for tibia in poses {
-        let load = match knee.load(tibia, quadriceps, &patella) {
+        let load = match knee.load(tibia, quadriceps) {
             Ok(load) => load,
             Err(source) => {
                 let error = SolveError::Load { step: frames.len(), source: Box::new(source) };
-                return (frames, Some(error));
+                return bent(frames, drive, run, Some(Stopped::NoEquilibrium(error, None)));
             }
         };
-        let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
+        drive.frames.push(DriveFrame { time: tibia.flexion, load });
+        let mut advanced = session.advance(&drive.frames[frames.len()]);
+        run.iterations.append(&mut advanced.iterations);
+        let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
         if !advanced.errors.is_empty() {
-            return (frames, Some(advanced.errors.remove(0)));
+            let error = advanced.errors.remove(0);
+            run.unsolved = Some(advanced.frame);
+            return bent(frames, drive, run, Some(Stopped::NoEquilibrium(error, Some(Box::new(frame)))));
         }
-        let at = advanced.frame.snapshot();
-        let state = free_bodies(&knee.plan, at).remove(0);
-        patella = state.pose;
-        frames.push(FlexionFrame {
-            tibia: *tibia,
-            patella: knee.coordinates(&patella),
-            residual: state.residual,
-            contact: pair_forces(&knee.plan, at, [0.0; 3]).into_iter().next(),
-            strains: strains(knee, at.x),
-            iterations: advanced.frame.count(|island| island.iterations),
-        });
+        run.frames.push(advanced.frame);
+        if frame.patella.place[2].abs() > OUT {
+            return bent(frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
+        }
+        frames.push(frame);
     }
-    (frames, None)
-}
-
-/// Strains of all strands with the nodes at `x` \[m\], 3 per node.
-fn strains(knee: &RigidKnee, x: &[f64]) -> Vec<f64> {
-    let place = |n: u32| Vector3::from_column_slice(&x[3 * n as usize..][..3]);
-    let length = |name: &String| {
-        let block = knee.plan.mesh.blocks.iter().find(|b| b.name == *name).expect("a block per strand");
-        (place(block.nodes[1]) - place(block.nodes[0])).norm()
-    };
-    knee.strands.iter().map(|(name, slack)| length(name) / slack - 1.0).collect()
+    bent(frames, drive, run, None)
 }

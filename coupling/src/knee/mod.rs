@@ -1,7 +1,10 @@
 //! The knee: how the patella lies in its groove when the tibia is bent.
 
 pub mod anatomy;
+pub mod deep;
+pub mod femur;
 pub mod flexion;
 pub mod pose;
+pub mod quadriceps;
 pub mod rigid;
-pub mod tendon;
+pub mod string;

@@ -49,6 +49,14 @@ impl Coordinates {
         Isometry3::from_parts(Translation3::from(1e-3 * Vector3::from(self.place)), rotation)
     }
 
+    /// This pose and those between it and another, at most `stride` degrees of flexion apart, without that one.
+    pub fn towards(&self, other: &Coordinates, stride: f64) -> Vec<Coordinates> {
+        let [from, to] = [self, other].map(|c| c.to_array());
+        let n = ((to[0] - from[0]).abs() / stride).ceil().max(1.0);
+        let at = |k: usize| std::array::from_fn(|c| from[c] + (to[c] - from[c]) * k as f64 / n);
+        (0..n as usize).map(|k| Coordinates::from_array(at(k))).collect()
+    }
+
     /// The coordinates of a pose; `turn_x` from -90 to 90 degrees.
     pub fn of(pose: &Isometry3<f64>) -> Coordinates {
         let R: Matrix3<f64> = Rotation3::from(pose.rotation).into_inner();

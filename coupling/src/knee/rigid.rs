@@ -1,34 +1,34 @@
-//! The patella in equilibrium on a rigid femur: cartilage on cartilage, ligament and retinacula as strands, quadriceps as a force.
+//! The patella in equilibrium on a rigid femur: cartilage on cartilage, ligament as strands, retinacula and heads of the quadriceps as strings that
+//! slide over the femur.
 
-use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use fem::body::Pose;
-use fem::geometry::{SearchSurface, Surface};
+use fem::effect::obstacle::{Layer, Obstacle, Pressed, Sample};
+use fem::effect::{Effect, State};
+use fem::geometry::{DistanceField, Surface, SurfaceError};
+use fem::material::line::{LineLaw, Strand};
 use fem::mesh::{CellBlock, CellKind, Mesh};
-use fem::plan::{Load, Plan, SceneError};
-use fem::scene::{
-    BodyForceSpec, ContactMode, ContactSpec, FreeBodySpec, PrescribedSpec, Scene, StrandSpec, TieSpec,
-};
+use fem::plan::{Builder, Load, Names, Plan, SceneError, Term};
+use fem::scene::{ContactMode, FreeBodySpec, PrescribedSpec, Scene, StrandSpec, TieSpec};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use thiserror::Error;
 
 use super::anatomy::{Bone, KneeAnatomy};
+use super::femur;
 use super::pose::Coordinates;
-use super::tendon::Tendon;
+use super::quadriceps::{HEADS, Head, shaft};
+use super::string::{Pull, Strings, TautString, Way};
 
 /// Name of the patella as a body.
 pub const PATELLA: &str = "patella";
 /// Name of the tibia as a body.
 pub const TIBIA: &str = "tibia";
-/// Surface of the femur that takes part in contact.
-pub const FEMORAL_CARTILAGE: &str = "femoral_cartilage";
-/// Surface of the patella that takes part in contact.
+/// Surface of the patella that lies on the femur.
 pub const PATELLAR_CARTILAGE: &str = "patellar_cartilage";
-/// Controls of the force of the quadriceps \[N\]: forward, up and lateral in the frame of the femur.
-pub const QUADRICEPS: [&str; 3] = ["quadriceps_forward_n", "quadriceps_up_n", "quadriceps_lateral_n"];
+/// Control of the force of the quadriceps \[N\].
+pub const QUADRICEPS: &str = "quadriceps_n";
 
-/// Thickness \[m\] of cartilage at its rim: there the sheet goes on down to the bone, or what comes over the rim would lose its support at once.
-const RIM: f64 = 2.2e-3;
 /// Half the strain at which the toe of a strand ends: linear from 0.06 on (the study of the deep knee).
 const TOE: f64 = 0.03;
 /// Young's modulus \[Pa\] and Poisson's ratio of cartilage: as elastic foundations of knees commonly take; the law is that of Bei & Fregly, Med
@@ -42,8 +42,8 @@ const DISTANCE: f64 = 0.3e-3;
 const STRIDE: f64 = 0.25e-3;
 /// It is in no groove where that takes more \[m\].
 const FARTHEST: f64 = 10e-3;
-/// Points of the patella within this of its highest one \[m\] are its base, where the quadriceps pulls.
-const BASE: f64 = 3e-3;
+/// Heights \[m\] above the origin of the femur between which it is shaft.
+const SHAFT: [f64; 2] = [0.1, 0.3];
 
 /// Strands of one structure.
 struct Structure {
@@ -60,8 +60,8 @@ struct Structure {
 
 /// Stiffness and strain: the study of the deep knee, N/mm where it prints N/mm²; 7 strands of the ligament, 5 of the retinacula.
 /// Ends: means of those of the springs of the knee that the surfaces are of. The lateral retinaculum goes to the lateral epicondyle, from where
-/// the collateral ligament comes: the springs of that knee go to the front of the condyle, and at 97 N/mm they would pull with 1000 N at 137
-/// degrees. Strands are straight and run through the condyle, so those are slack from 30 degrees on.
+/// the collateral ligament comes, as its band to the femur does (epicondylopatellar band; Merican & Amis, J Bone Joint Surg Br 90:527, 2008): the
+/// springs of that knee go to the front of the condyle, and at 97 N/mm they would pull with 1000 N at 137 degrees.
 const STRUCTURES: [Structure; 5] = [
     Structure {
         name: "patellar_ligament_lateral",
@@ -114,6 +114,9 @@ pub enum KneeError {
         "the model of the knee has no spring `{0}` between its bones; give its two ends, strands of the patella hold on there"
     )]
     NoSpring(&'static str),
+    /// The bone of the femur is no closed surface.
+    #[error("femur: {0}")]
+    Surface(#[from] SurfaceError),
     /// The scene cannot be.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -136,21 +139,33 @@ impl ReferencePose {
     }
 }
 
-/// A knee that is ready to be solved. The mesh is in the reference pose, the patella so far forward that it is off the femur.
+/// A knee that is ready to be solved. The mesh is in the frame of the femur and in the reference pose, the patella so far forward that it is off
+/// the femur.
 pub struct RigidKnee {
     /// What is solved.
     pub plan: Plan,
-    /// From the own frame of each bone into the mesh.
-    femur: Isometry3<f64>,
+    /// Distance to the femur in its frame.
+    pub femur: Arc<DistanceField>,
+    /// Pose of the tibia that the strands are made for.
+    pub reference: Coordinates,
     tibia: Isometry3<f64>,
     patella: Isometry3<f64>,
-    /// Middle of the upper edge of the patella in its own frame \[m\].
-    base: Point3<f64>,
-    tendon: Tendon,
     /// How far forward the patella starts of its reference pose \[m\].
     pub lifted: f64,
-    /// Names and slack lengths \[m\] of its strands.
-    pub strands: Vec<(String, f64)>,
+    /// Names of its strands: of the ligament, of the retinacula, and the heads of the quadriceps.
+    pub strands: Vec<String>,
+    ligament: Vec<([u32; 2], Strand, f64)>,
+    strings: Strings,
+    cartilage: Obstacle<4>,
+}
+
+/// How a strand is at some state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrandState {
+    /// Over its slack length; 0 where the tension is given.
+    pub strain: f64,
+    /// Tension \[N\].
+    pub tension: f64,
 }
 
 /// A mesh and a scene that grow together.
@@ -158,6 +173,25 @@ pub struct RigidKnee {
 struct Draft {
     scene: Scene,
     mesh: Mesh,
+    names: Vec<String>,
+    ligament: Vec<([u32; 2], Strand, f64)>,
+    strings: Vec<StringEnd>,
+}
+
+/// A string with the node that it ends at, and its way as the mesh has it.
+#[derive(Clone)]
+struct StringEnd {
+    node: u32,
+    string: TautString,
+    pull: StringPull,
+    way: Way,
+}
+
+/// What pulls in a string, before controls have numbers.
+#[derive(Clone, Copy)]
+enum StringPull {
+    Elastic(Strand, f64),
+    Share(f64),
 }
 
 impl Draft {
@@ -175,21 +209,56 @@ impl Draft {
         set.extend(first..self.mesh.points.len() as u32);
     }
 
-    fn point(&mut self, at: Point3<f64>, set: &str) -> u32 {
+    fn point(&mut self, at: Point3<f64>, set: Option<&str>) -> u32 {
         let node = self.mesh.points.len() as u32;
         self.mesh.points.push(at.into());
-        self.mesh.node_sets.entry(set.to_string()).or_default().push(node);
+        if let Some(set) = set {
+            self.mesh.node_sets.entry(set.to_string()).or_default().push(node);
+        }
         node
+    }
+
+    /// A straight strand that has a strain in the reference pose, from where the patella has gone by `lift`.
+    fn strand(&mut self, name: &str, ends: [End; 2], lift: &Translation3<f64>, structure: &Structure) {
+        let slack = (ends[1].1 - ends[0].1).norm() / (1.0 + structure.strain);
+        let law = Strand { stiffness: structure.each() * slack, toe: TOE };
+        let places = [ends[0].1, lift * ends[1].1];
+        let reference_strain = (places[1] - places[0]).norm() / slack - 1.0;
+        let nodes: [u32; 2] = std::array::from_fn(|e| self.point(places[e], Some(set(ends[e].0))));
+        self.mesh.blocks.push(CellBlock {
+            name: name.to_string(),
+            kind: CellKind::Line2,
+            nodes: nodes.to_vec(),
+        });
+        let (region, stiffness, toe) = (name.to_string(), law.stiffness, law.toe);
+        self.scene.strands.push(StrandSpec { region, stiffness, toe, reference_strain });
+        self.ligament.push((nodes, law, slack));
+        self.names.push(name.to_string());
+    }
+
+    /// A string to the patella, from where that has gone.
+    fn string(&mut self, name: &str, string: TautString, to: Point3<f64>, pull: StringPull) {
+        let way = string.way(&to, None);
+        let node = self.point(to, Some(PATELLA));
+        let from = self.point(way.places[0], Some(set(Bone::Femur)));
+        // For the eye; its way is no part of the mesh.
+        self.mesh.blocks.push(CellBlock {
+            name: name.into(),
+            kind: CellKind::Line2,
+            nodes: vec![from, node],
+        });
+        self.strings.push(StringEnd { node, string, pull, way });
+        self.names.push(name.to_string());
     }
 }
 
-impl Draft {
-    fn strand(&mut self, name: &str, ends: [(Bone, Point3<f64>); 2], slack: f64, stiffness: f64) {
-        let nodes = ends.map(|(bone, at)| self.point(at, set(bone))).to_vec();
-        self.mesh.blocks.push(CellBlock { name: name.to_string(), kind: CellKind::Line2, nodes });
-        let reference_strain = (ends[1].1 - ends[0].1).norm() / slack - 1.0;
-        let region = name.to_string();
-        self.scene.strands.push(StrandSpec { region, stiffness, toe: TOE, reference_strain });
+/// A bone and a place on it \[m\] in the frame of the femur.
+type End = (Bone, Point3<f64>);
+
+impl Structure {
+    /// Stiffness \[N/m\] of one of its strands.
+    fn each(&self) -> f64 {
+        self.stiffness / self.springs.len() as f64
     }
 }
 
@@ -209,72 +278,170 @@ impl RigidKnee {
         reference: &ReferencePose,
         mode: ContactMode,
     ) -> Result<RigidKnee, KneeError> {
-        let femur = anatomy.frame(Bone::Femur);
-        let [tibia, patella] = [reference.tibia, reference.patella].map(|c| femur * c.pose());
+        RigidKnee::with_heads(anatomy, reference, mode, &HEADS)
+    }
+
+    /// The same with other heads of the quadriceps.
+    pub fn with_heads(
+        anatomy: &KneeAnatomy,
+        reference: &ReferencePose,
+        mode: ContactMode,
+        heads: &[Head],
+    ) -> Result<RigidKnee, KneeError> {
+        let [tibia, patella] = [reference.tibia, reference.patella].map(|c| c.pose());
+        let own = |bone: Bone| anatomy.frame(bone).inverse();
+        // From the folder into the frame of the femur, in the reference pose.
         let to_reference = |bone: Bone| match bone {
-            Bone::Femur => Isometry3::identity(),
-            Bone::Tibia => tibia * anatomy.frame(bone).inverse(),
-            Bone::Patella => patella * anatomy.frame(bone).inverse(),
+            Bone::Femur => own(bone),
+            Bone::Tibia => tibia * own(bone),
+            Bone::Patella => patella * own(bone),
         };
-        let sheets = [&anatomy.femoral_cartilage, &anatomy.patellar_cartilage].map(with_wall);
-        let [femoral, patellar] = sheets;
-        let patellar = moved(&patellar, &to_reference(Bone::Patella));
-        let forward = femur.rotation * Vector3::x();
-        let lifted = lift(&femoral, &patellar, forward).ok_or(KneeError::NoGroove)?;
-        let lift = Translation3::from(forward * lifted);
+        let bone = moved(&anatomy.femur, &own(Bone::Femur));
+        let field = Arc::new(femur::field(&moved(&anatomy.femoral_cartilage, &own(Bone::Femur)), &bone)?);
+        let patellar = moved(&anatomy.patellar_cartilage, &to_reference(Bone::Patella));
+        let lifted = lift(&field, &patellar).ok_or(KneeError::NoGroove)?;
+        let lift = Translation3::new(lifted, 0.0, 0.0);
         let mut draft = Draft::default();
-        draft.surface(FEMORAL_CARTILAGE, &femoral, set(Bone::Femur));
-        draft.surface(PATELLAR_CARTILAGE, &moved(&patellar, &lift.into()), PATELLA);
-        let mut strands = Vec::new();
+        let patellar = moved(&patellar, &lift.into());
+        draft.surface(PATELLAR_CARTILAGE, &patellar, PATELLA);
         for structure in &STRUCTURES {
             for (i, springs) in structure.springs.iter().enumerate() {
                 let name = format!("{}_{}", structure.name, i + 1);
                 let ends =
                     ends(anatomy, structure.far, springs)?.map(|(bone, at)| (bone, to_reference(bone) * at));
-                let slack = (ends[1].1 - ends[0].1).norm() / (1.0 + structure.strain);
-                let share = structure.stiffness / structure.springs.len() as f64;
-                draft.strand(&name, [ends[0], (ends[1].0, lift * ends[1].1)], slack, share * slack);
-                strands.push((name, slack));
+                if ends[0].0 != Bone::Femur {
+                    draft.strand(&name, ends, &lift, structure);
+                    continue;
+                }
+                let [from, to] = ends.map(|end| end.1);
+                let string = TautString::new(field.clone(), from);
+                let slack = string.way(&to, None).length / (1.0 + structure.strain);
+                let law = Strand { stiffness: structure.each() * slack, toe: TOE };
+                draft.string(&name, string, lift * to, StringPull::Elastic(law, slack));
             }
         }
-        let base = anatomy.frame(Bone::Patella).inverse() * anatomy.base(BASE);
-        let patella = lift * patella;
-        let Draft { mut scene, mesh } = draft;
+        let axis = shaft(&bone.points, SHAFT);
+        let bounds = anatomy.patella_half_axes();
+        for head in heads {
+            let [lateral, up] = head.insertion;
+            let at = patella * Point3::new(bounds[0], up * bounds[1], lateral * bounds[2]);
+            let string = TautString::new(field.clone(), head.origin(&at, &axis));
+            draft.string(head.name, string, lift * at, StringPull::Share(head.share));
+        }
+        let Draft { mut scene, mesh, names: strands, ligament, strings } = draft;
         let (nodes, components) = (set(Bone::Femur).to_string(), [true; 3]);
         scene.prescribed.push(PrescribedSpec { nodes, components, displacement: Vec::new(), control: None });
         scene.ties = [TIBIA, PATELLA].map(|b| TieSpec { nodes: b.to_string(), body: b.to_string() }).into();
         scene.free_bodies.push(FreeBodySpec::new(PATELLA));
-        for (axis, control) in QUADRICEPS.into_iter().enumerate() {
-            scene.body_forces.push(BodyForceSpec {
-                name: control.to_string(),
-                body: PATELLA.to_string(),
-                point: (patella * base).into(),
-                force: (femur.rotation * Vector3::ith(axis, 1.0)).into(),
-                follows: false,
-                control: control.to_string(),
-            });
-        }
-        scene.contact = Some(contact(mode));
-        let plan = Plan::new(&scene, mesh)?;
-        let own: Vec<Point3<f64>> =
-            anatomy.femoral_cartilage.points.iter().map(|p| femur.inverse() * Point3::from(*p)).collect();
-        Ok(RigidKnee { plan, femur, tibia, patella, base, tendon: Tendon::new(own), lifted, strands })
+        let own = |mesh: &Mesh, names: &mut Names| {
+            let control = names.control(QUADRICEPS);
+            Ok(vec![
+                resting_patella(mesh, &field, &patellar, layer(mode)),
+                pulling_strings(&strings, control),
+            ])
+        };
+        let plan = Plan::with_terms(&scene, mesh, &own)?;
+        let frame = plan.free_bodies[0].frame;
+        let samples = samples(&plan.mesh, frame, &patellar);
+        let cartilage = Obstacle::new("cartilage", field.clone(), layer(mode), &[frame], vec![samples]);
+        let control = plan.controls.iter().position(|c| c == QUADRICEPS).expect("named by the strings");
+        let nodes: Vec<[u32; 1]> = strings.iter().map(|s| [s.node]).collect();
+        let strings = built("strings", &nodes, &strings, control);
+        Ok(RigidKnee {
+            plan,
+            femur: field.clone(),
+            reference: reference.tibia,
+            tibia,
+            patella: lift * patella,
+            lifted,
+            strands,
+            ligament,
+            strings,
+            cartilage,
+        })
     }
 
-    /// The load with the tibia at a pose against the femur and a force \[N\] of the quadriceps, which pulls as it does with the patella at
-    /// `patella`, a pose as a body.
-    pub fn load(&self, tibia: &Coordinates, quadriceps: f64, patella: &Pose) -> Result<Load, SceneError> {
-        let pose: Pose = self.femur * tibia.pose() * self.tibia.inverse();
-        let base = self.femur.inverse() * patella * self.patella * self.base;
-        let pull = quadriceps * self.tendon.direction(&base);
-        let controls: [(&str, f64); 3] = std::array::from_fn(|axis| (QUADRICEPS[axis], pull[axis]));
-        self.plan.load(&controls, &[(TIBIA, pose)])
+    /// The load with the tibia at a pose against the femur and a force \[N\] of the quadriceps.
+    pub fn load(&self, tibia: &Coordinates, quadriceps: f64) -> Result<Load, SceneError> {
+        let pose: Pose = tibia.pose() * self.tibia.inverse();
+        self.plan.load(&[(QUADRICEPS, quadriceps)], &[(TIBIA, pose)])
     }
 
     /// The patella against the femur, given its pose as a body.
     pub fn coordinates(&self, patella: &Pose) -> Coordinates {
-        Coordinates::of(&(self.femur.inverse() * patella * self.patella))
+        Coordinates::of(&(patella * self.patella))
     }
+
+    /// What the cartilage of the patella bears, with the nodes at `x` \[m\], 3 per node.
+    pub fn pressed(&self, x: &[f64]) -> Pressed {
+        self.cartilage.pressed(x)
+    }
+
+    /// How its strands are, in their order, with the nodes at `x` \[m\], 3 per node.
+    pub fn strand_states(&self, x: &[f64], controls: &[f64]) -> Vec<StrandState> {
+        let place = |n: u32| Vector3::from_column_slice(&x[3 * n as usize..][..3]);
+        let straight = self.ligament.iter().map(|(nodes, law, slack)| {
+            let stretch = (place(nodes[1]) - place(nodes[0])).norm() / slack;
+            StrandState { strain: stretch - 1.0, tension: LineLaw::Strand(*law).response(stretch, 0.0).force }
+        });
+        let state = State { x, controls };
+        let n = self.strands.len() - self.ligament.len();
+        let sliding = (0..n).map(|group| {
+            let (stretch, tension) = self.strings.line_state(&state, group).expect("a string");
+            StrandState { strain: stretch - 1.0, tension }
+        });
+        straight.chain(sliding).collect()
+    }
+}
+
+/// Strings that end at `nodes`, with the number of the control of the quadriceps.
+fn built(name: &str, nodes: &[[u32; 1]], strings: &[StringEnd], control: usize) -> Strings {
+    let pull = |pull: StringPull| match pull {
+        StringPull::Elastic(law, slack) => Pull::Elastic(law, slack),
+        StringPull::Share(share) => Pull::Tension(control, share),
+    };
+    let with_pulls = strings.iter().map(|s| (s.string.clone(), pull(s.pull))).collect();
+    Strings::new(name, nodes, with_pulls, strings.iter().map(|s| s.way.clone()).collect())
+}
+
+fn pulling_strings(strings: &[StringEnd], control: usize) -> Term {
+    let nodes = strings.iter().map(|s| s.node).collect();
+    let strings = strings.to_vec();
+    let build: Builder = Box::new(move |name, _, nodes, groups| {
+        let nodes: Vec<[u32; 1]> = nodes.iter().map(|n| [*n]).collect();
+        let strings: Vec<StringEnd> = groups.iter().map(|g| strings[*g as usize].clone()).collect();
+        Ok(Box::new(built(name, &nodes, &strings, control)) as Box<dyn Effect>)
+    });
+    Term { name: "strings".into(), nodes_per_group: 1, nodes, couples: true, build }
+}
+
+/// The cartilage of the patella on the femur.
+fn resting_patella(mesh: &Mesh, field: &Arc<DistanceField>, patellar: &Surface, layer: Layer) -> Term {
+    let frame = &mesh.blocks.last().expect("the frame of the patella").nodes;
+    let frame: [u32; 4] = frame.as_slice().try_into().expect("four nodes of a frame");
+    let samples = samples(mesh, frame, patellar);
+    let field = field.clone();
+    let build: Builder = Box::new(move |name, _, nodes, _| {
+        let frame: [u32; 4] = nodes.try_into().expect("the frame of one body");
+        let obstacle = Obstacle::new(name, field.clone(), layer, &[frame], vec![samples.clone()]);
+        Ok(Box::new(obstacle) as Box<dyn Effect>)
+    });
+    Term { name: "cartilage".into(), nodes_per_group: 4, nodes: frame.to_vec(), couples: true, build }
+}
+
+/// Points of a surface as fixed means of a frame, each with a third of the triangles around it.
+fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface) -> Vec<Sample<4>> {
+    let [o, x, ..] = frame.map(|n| Vector3::from(mesh.points[n as usize]));
+    let size = (x - o).norm();
+    let mut areas = vec![0.0; surface.points.len()];
+    for (t, corners) in surface.triangles.iter().enumerate() {
+        corners.iter().for_each(|c| areas[*c as usize] += surface.area_vector(t).norm() / 3.0);
+    }
+    let sample = |(p, area): (&[f64; 3], f64)| {
+        let a = (Vector3::from(*p) - o) / size;
+        Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area }
+    };
+    surface.points.iter().zip(areas).map(sample).collect()
 }
 
 fn moved(surface: &Surface, by: &Isometry3<f64>) -> Surface {
@@ -282,45 +449,11 @@ fn moved(surface: &Surface, by: &Isometry3<f64>) -> Surface {
     Surface { points, triangles: surface.triangles.clone() }
 }
 
-/// A sheet with a wall along its rim, down into the bone.
-fn with_wall(sheet: &Surface) -> Surface {
-    let mut normals = vec![Vector3::zeros(); sheet.points.len()];
-    let mut sides = BTreeMap::<[u32; 2], usize>::new();
-    for (t, corners) in sheet.triangles.iter().enumerate() {
-        for k in 0..3 {
-            let [a, b] = [corners[k], corners[(k + 1) % 3]];
-            normals[a as usize] += sheet.area_vector(t);
-            *sides.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
-    let mut walled = sheet.clone();
-    let mut below = BTreeMap::<u32, u32>::new();
-    for corners in &sheet.triangles {
-        for k in 0..3 {
-            let [a, b] = [corners[k], corners[(k + 1) % 3]];
-            if sides[&[a.min(b), a.max(b)]] == 2 {
-                continue;
-            }
-            let [c, d] = [a, b].map(|n| {
-                *below.entry(n).or_insert_with(|| {
-                    let at = Vector3::from(sheet.points[n as usize]) - RIM * normals[n as usize].normalize();
-                    walled.points.push(at.into());
-                    walled.points.len() as u32 - 1
-                })
-            });
-            walled.triangles.extend([[b, a, c], [b, c, d]]);
-        }
-    }
-    walled
-}
-
 /// How far forward the patella has to go so that nothing touches \[m\].
-fn lift(femoral: &Surface, patellar: &Surface, forward: Vector3<f64>) -> Option<f64> {
-    let femur = SearchSurface::new(femoral.clone());
-    let mut patella = SearchSurface::new(patellar.clone());
+fn lift(femur: &DistanceField, patellar: &Surface) -> Option<f64> {
     (0..=(FARTHEST / STRIDE) as usize).map(|k| k as f64 * STRIDE).find(|by| {
-        patella.set_points(&moved(patellar, &Translation3::from(forward * *by).into()).points);
-        patella.least_gap(&femur).is_some_and(|gap| gap.closest.distance >= DISTANCE)
+        let is_off = |p: &[f64; 3]| femur.near(&(Vector3::from(*p) + *by * Vector3::x()), DISTANCE);
+        patellar.points.iter().all(|p| is_off(p).is_none_or(|at| at.distance >= DISTANCE))
     })
 }
 
@@ -348,14 +481,11 @@ fn ends(
 }
 
 /// Cartilage as an elastic foundation: pressure over depth is (1 − ν) E / ((1 + ν) (1 − 2 ν) h).
-fn contact(mode: ContactMode) -> ContactSpec {
+fn layer(mode: ContactMode) -> Layer {
     let [young, nu] = CARTILAGE;
     let modulus = (1.0 - nu) * young / ((1.0 + nu) * (1.0 - 2.0 * nu));
-    let distance = if mode == ContactMode::Cheap { THICKNESS } else { DISTANCE };
-    ContactSpec {
-        mode,
-        distance,
-        stiffness: Some(modulus),
-        ..ContactSpec::new(&[FEMORAL_CARTILAGE, PATELLAR_CARTILAGE])
+    match mode {
+        ContactMode::Cheap => Layer::Foundation { stiffness: modulus / THICKNESS },
+        ContactMode::Guarded => Layer::Barrier { modulus, distance: DISTANCE },
     }
 }

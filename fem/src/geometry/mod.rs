@@ -10,6 +10,7 @@ mod check;
 pub mod closest;
 pub mod distance;
 mod error;
+mod field;
 pub mod intersect;
 pub mod linking;
 pub mod normals;
@@ -21,6 +22,7 @@ mod surface;
 pub mod tree;
 
 pub use error::SurfaceError;
+pub use field::{DistanceField, FieldPoint};
 pub use query::{Gap, SearchSurface};
 pub use signed::{Depth, SignedDistance};
 pub use surface::Surface;

@@ -1,4 +1,4 @@
-//! `sartorius step SCENE`: one scene, one configuration: with contact where the scene has contact.
+//! `sartorius step SCENE`: one scene, one configuration: with contact where the scene has contact. `deep_flexion` is no thigh but a knee.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::compare::carry_out;
 use super::scenes::{read_scene, scenes};
-use super::{Outcome, RunArguments};
+use super::{Outcome, RunArguments, deep_flexion};
 use crate::error::CommandError;
 use coupling::configuration::PerConfiguration;
 
@@ -21,6 +21,9 @@ pub struct StepArguments {
 /// Runs the command.
 pub fn run(arguments: &StepArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let StepArguments { scene, run } = arguments;
+    if deep_flexion::is_meant(scene) {
+        return deep_flexion::run(run, quiet);
+    }
     let scene = read_scene(scene, run.data.as_deref())?;
     let with = scene.contact.is_some();
     carry_out("step", scene, PerConfiguration { without: !with, with }, run, None, None, quiet)

@@ -4,6 +4,7 @@ pub mod atomic;
 pub mod claim;
 pub mod compare;
 pub mod cost;
+pub mod deep_flexion;
 pub mod mesh;
 pub mod opensim;
 pub mod origin;

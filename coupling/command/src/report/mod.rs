@@ -9,6 +9,7 @@ pub mod anatomy;
 pub mod both;
 pub mod compare;
 pub mod cost;
+pub mod deep_flexion;
 mod details;
 mod figures;
 pub mod groups;

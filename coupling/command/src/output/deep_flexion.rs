@@ -1,0 +1,90 @@
+//! What `step deep_flexion` writes: `patella.csv`, `measured.csv`, a page, and `run.json`.
+
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::OutputError;
+use super::atomic::OutputFolder;
+use super::run::RunRecord;
+use coupling::knee::deep::DeepFlexion;
+use coupling::knee::flexion::Bent;
+use coupling::knee::rigid::RigidKnee;
+
+/// Coordinates of the patella, as columns are called.
+pub const COORDINATES: [&str; 6] = [
+    "patella_flexion_deg",
+    "patella_rotation_deg",
+    "patella_medial_tilt_deg",
+    "patella_anterior_mm",
+    "patella_proximal_mm",
+    "patella_lateral_mm",
+];
+
+/// A knee that was bent under load and, along its measured poses, without.
+pub struct Results<'a> {
+    /// Its data.
+    pub scene: &'a DeepFlexion,
+    /// The knee.
+    pub knee: &'a RigidKnee,
+    /// To deep flexion.
+    pub deep: &'a Bent,
+    /// Along the measured poses.
+    pub unloaded: &'a Bent,
+    /// Per coordinate RMSD against the measured poses \[degrees, mm\], and over the mean of the measured values.
+    pub against: Option<[[f64; 2]; 6]>,
+    /// Forces of the quadriceps \[N\]: deep flexion, measured poses.
+    pub forces: [f64; 2],
+}
+
+/// Writes everything and, last of all, `run.json`.
+pub fn write_deep_flexion(
+    mut out: OutputFolder,
+    results: &Results,
+    record: &mut RunRecord,
+) -> Result<Vec<String>, OutputError> {
+    let started = Instant::now();
+    out.write("patella.csv", |w| patella(w, results.knee, results.deep))?;
+    out.write("measured.csv", |w| measured(w, results))?;
+    let page = crate::report::deep_flexion::page(results);
+    out.write("report.html", |w| w.write_all(page.as_bytes()))?;
+    record.verdict = Some(json!({
+        "frames_solved": results.deep.frames.len(),
+        "frames_asked": results.scene.poses().len(),
+        "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
+    }));
+    super::finish(out, record, started)
+}
+
+/// A row per frame: the patella, its contact, tension and strain of every strand.
+fn patella(w: &mut dyn std::io::Write, knee: &RigidKnee, bent: &Bent) -> std::io::Result<()> {
+    let mut csv = csv::Writer::from_writer(w);
+    let contact = ["contact_force_N", "contact_area_mm2", "greatest_pressure_MPa"];
+    let settled = ["left_force_N", "left_moment_Nmm", "iterations"];
+    let strands = knee.strands.iter().flat_map(|s| [format!("{s}_N"), format!("{s}_strain")]);
+    let header = std::iter::once("knee_flexion_deg").chain(COORDINATES).chain(contact).chain(settled);
+    csv.write_record(header.map(str::to_string).chain(strands))?;
+    let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    for f in &bent.frames {
+        let mut row = vec![f.tibia.flexion];
+        row.extend(f.patella.to_array());
+        row.extend([f.contact.force.norm(), 1e6 * f.contact.area, 1e-6 * f.contact.pressure]);
+        row.extend([norm(f.residual.force), 1e3 * norm(f.residual.moment), f.iterations as f64]);
+        row.extend(f.strands.iter().flat_map(|s| [s.tension, s.strain]));
+        csv.write_record(row.iter().map(f64::to_string))?;
+    }
+    csv.flush()
+}
+
+/// A row per measured pose: computed and measured coordinates.
+fn measured(w: &mut dyn std::io::Write, results: &Results) -> std::io::Result<()> {
+    let mut csv = csv::Writer::from_writer(w);
+    let beside = COORDINATES.map(|c| format!("measured_{c}"));
+    let header = std::iter::once("knee_flexion_deg").chain(COORDINATES).map(str::to_string);
+    csv.write_record(header.chain(beside))?;
+    for (f, row) in results.unloaded.frames.iter().zip(&results.scene.measured) {
+        let numbers = std::iter::once(f.tibia.flexion).chain(f.patella.to_array()).chain(row[1].to_array());
+        csv.write_record(numbers.map(|v| v.to_string()))?;
+    }
+    csv.flush()
+}

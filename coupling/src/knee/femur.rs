@@ -1,0 +1,91 @@
+//! The femur as what patella and strands lie on: a smooth distance to its cartilage, and to its bone where there is none.
+
+use std::collections::BTreeMap;
+
+use fem::geometry::closest::Feature;
+use fem::geometry::{DistanceField, SearchSurface, SignedDistance, Surface, SurfaceError};
+use nalgebra::Vector3;
+
+/// Corner by corner the box \[m\] in the frame of the femur in which something may lie on it: from the backs of the condyles to the front, from
+/// below them to where the tendon of the quadriceps has left the bone, from side to side.
+const BOX: [[f64; 3]; 2] = [[-0.032, -0.034, -0.050], [0.060, 0.062, 0.050]];
+/// Spacing \[m\] of its samples: the mean edge of the surfaces of cartilage is 0.76 mm.
+const SPACING: f64 = 1e-3;
+/// How far \[m\] the bone, which is another person's, is sunk: so far is it off the subchondral sheet of this knee (root mean square), and what
+/// is not of this knee must not stand out of it.
+const SUNK: f64 = 1.4e-3;
+/// Thickness \[m\] of cartilage at its rim (median over the sheet): there it slopes down to the bone.
+const RIM: f64 = 2.2e-3;
+
+/// The distance to a femur, in whose own frame its cartilage (an open sheet, normals outward) and bone are given.
+pub fn field(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, SurfaceError> {
+    let sloped = with_slope(cartilage);
+    let n_sheet = cartilage.triangles.len();
+    let mut normals = vec![Vector3::zeros(); sloped.points.len()];
+    for (t, corners) in sloped.triangles.iter().enumerate() {
+        corners.iter().for_each(|c| normals[*c as usize] += sloped.area_vector(t));
+    }
+    let (sheet, bone) = (SearchSurface::new(sloped), SearchSurface::new(bone.clone()));
+    let bone = SignedDistance::new(&bone)?;
+    let distance = |p: &Vector3<f64>| {
+        let of_bone = || bone.at(p).distance + SUNK;
+        let Some((closest, triangle, part)) = sheet.nearest(p) else { return of_bone() };
+        let corners = sheet.surface().triangles[triangle as usize];
+        // The normal between the corners, and not that of the triangle: at edges and corners that one may look the wrong way.
+        let normal: Vector3<f64> = corners.iter().map(|c| normals[*c as usize]).sum();
+        let signed = closest.distance.copysign((p - closest.on_b).dot(&normal));
+        let is_foot = |k: u8| corners[k as usize % 3] as usize >= cartilage.points.len();
+        let at_foot = match part {
+            Feature::Face => false,
+            Feature::Edge(e) => is_foot(e) && is_foot(e + 1),
+            Feature::Vertex(v) => is_foot(v),
+        };
+        match (triangle as usize) < n_sheet {
+            true => signed,
+            // Beyond the foot of the slope there is bone.
+            false if at_foot && signed < 0.0 => of_bone(),
+            false => signed.min(of_bone()),
+        }
+    };
+    let [lo, hi] = BOX.map(Vector3::from);
+    Ok(DistanceField::new(lo, hi, SPACING, distance))
+}
+
+/// A sheet with a slope along its rim, down to the bone and twice as far out.
+fn with_slope(sheet: &Surface) -> Surface {
+    let mut normals = vec![Vector3::zeros(); sheet.points.len()];
+    let mut outward = normals.clone();
+    let mut sides = BTreeMap::<[u32; 2], usize>::new();
+    for (t, corners) in sheet.triangles.iter().enumerate() {
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            normals[a as usize] += sheet.area_vector(t);
+            *sides.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let place = |n: u32| Vector3::from(sheet.points[n as usize]);
+    let mut rim = Vec::new();
+    for (t, corners) in sheet.triangles.iter().enumerate() {
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            if sides[&[a.min(b), a.max(b)]] == 1 {
+                rim.push([a, b]);
+                let out = (place(b) - place(a)).cross(&sheet.area_vector(t).normalize());
+                [a, b].iter().for_each(|n| outward[*n as usize] += out);
+            }
+        }
+    }
+    let mut sloped = sheet.clone();
+    let mut below = BTreeMap::<u32, u32>::new();
+    for [a, b] in rim {
+        let [c, d] = [a, b].map(|n| {
+            *below.entry(n).or_insert_with(|| {
+                let [down, out] = [-normals[n as usize].normalize(), outward[n as usize].normalize()];
+                sloped.points.push((place(n) + RIM * (down + 2.0 * out)).into());
+                sloped.points.len() as u32 - 1
+            })
+        });
+        sloped.triangles.extend([[b, a, c], [b, c, d]]);
+    }
+    sloped
+}

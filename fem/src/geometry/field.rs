@@ -1,0 +1,180 @@
+//! The signed distance of a rigid solid as a smooth function of place.
+//!
+//! A triangulated surface has edges, and what slides over it feels every one. Here its signed distance is sampled on a grid, and the samples
+//! are coefficients of cubic B-splines: φ(x) = Σ d_ijk β(x/h − i) β(y/h − j) β(z/h − k). So φ is twice continuously differentiable, and is
+//! the distance seen through a window of about one spacing h: where the surface is curved by κ₁ and κ₂ it lies (h²/6) (κ₁ + κ₂) too deep,
+//! 0.02 mm for a ball of 20 mm and h = 1 mm. Its value costs the same wherever it is asked for; nothing is searched.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+/// Samples are taken exactly within this many spacings of the surface; farther off they come from a grid as coarse as this.
+const BAND: usize = 4;
+
+/// A smooth signed distance, negative inside.
+#[derive(Clone, Debug)]
+pub struct DistanceField {
+    lo: Vector3<f64>,
+    spacing: f64,
+    size: [usize; 3],
+    samples: Vec<f64>,
+}
+
+/// φ \[m\] at a point with its derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldPoint {
+    /// φ \[m\], negative inside.
+    pub distance: f64,
+    /// ∂φ/∂x.
+    pub gradient: Vector3<f64>,
+    /// ∂²φ/∂x² \[1/m\].
+    pub hessian: Matrix3<f64>,
+}
+
+impl DistanceField {
+    /// Samples a signed `distance` \[m\] in the box from `lo` to `hi` \[m\] every `spacing` \[m\].
+    pub fn new(
+        lo: Vector3<f64>,
+        hi: Vector3<f64>,
+        spacing: f64,
+        distance: impl Fn(&Vector3<f64>) -> f64 + Sync,
+    ) -> DistanceField {
+        let coarse = BAND as f64 * spacing;
+        let cells: [usize; 3] = std::array::from_fn(|c| ((hi[c] - lo[c]) / coarse).ceil().max(1.0) as usize);
+        let n = cells.map(|c| c + 1);
+        let place = |[i, j, k]: [usize; 3], h: f64| lo + h * Vector3::new(i as f64, j as f64, k as f64);
+        let far: Vec<f64> =
+            (0..n[0] * n[1] * n[2]).into_par_iter().map(|e| distance(&place(split(e, n), coarse))).collect();
+        let size = cells.map(|c| c * BAND + 1);
+        // A cell no corner of which is within its diagonal of the surface is nowhere near it.
+        let samples = (0..size[0] * size[1] * size[2]).into_par_iter().map(|e| {
+            let at = split(e, size);
+            let cell: [usize; 3] = std::array::from_fn(|c| (at[c] / BAND).min(cells[c] - 1));
+            let corner = |c: usize| {
+                let [i, j, k]: [usize; 3] = std::array::from_fn(|a| cell[a] + (c >> a & 1));
+                far[(i * n[1] + j) * n[2] + k]
+            };
+            if (0..8).any(|c| corner(c).abs() < 2.0 * coarse) {
+                return distance(&place(at, spacing));
+            }
+            let t: [f64; 3] = std::array::from_fn(|c| at[c] as f64 / BAND as f64 - cell[c] as f64);
+            let share = |c: usize| -> f64 {
+                (0..3).map(|a| if c >> a & 1 == 1 { t[a] } else { 1.0 - t[a] }).product()
+            };
+            (0..8).map(|c| share(c) * corner(c)).sum()
+        });
+        DistanceField { lo, spacing, size, samples: samples.collect() }
+    }
+
+    /// φ at a point \[m\]; `None` outside the box.
+    pub fn at(&self, point: &Vector3<f64>) -> Option<FieldPoint> {
+        self.near(point, f64::INFINITY)
+    }
+
+    /// φ at a point \[m\] where it may be below `within` \[m\]; `None` where it is not, and outside the box.
+    pub fn near(&self, point: &Vector3<f64>, within: f64) -> Option<FieldPoint> {
+        let h = self.spacing;
+        let p = (point - self.lo) / h;
+        let inside = |c: usize| p[c] >= 1.0 && p[c] < (self.size[c] - 2) as f64;
+        if !(0..3).all(inside) {
+            return None;
+        }
+        let cell: [usize; 3] = std::array::from_fn(|c| p[c] as usize);
+        let [_, ny, nz] = self.size;
+        // A distance changes by no more than the way gone; the farthest sample that counts is √12 spacings away.
+        if self.samples[(cell[0] * ny + cell[1]) * nz + cell[2]] - 12.0_f64.sqrt() * h >= within {
+            return None;
+        }
+        let weights: [[[f64; 4]; 3]; 3] = std::array::from_fn(|c| splines(p[c] - cell[c] as f64));
+        let [x, y, z] = &weights;
+        // Sums along z, then y, then x, each with its first and second derivative.
+        let mut sum = [[[0.0; 3]; 3]; 3];
+        for i in 0..4 {
+            let mut plane = [[0.0; 3]; 3];
+            for j in 0..4 {
+                let first = ((cell[0] + i - 1) * ny + cell[1] + j - 1) * nz + cell[2] - 1;
+                let row = &self.samples[first..first + 4];
+                let line: [f64; 3] = std::array::from_fn(|d| (0..4).map(|k| row[k] * z[d][k]).sum());
+                for a in 0..3 {
+                    (0..3 - a).for_each(|b| plane[a][b] += y[a][j] * line[b]);
+                }
+            }
+            for a in 0..3 {
+                for b in 0..3 - a {
+                    (0..3 - a - b).for_each(|c| sum[a][b][c] += x[a][i] * plane[b][c]);
+                }
+            }
+        }
+        let s = 1.0 / h;
+        let (xx, yy, zz) = (sum[2][0][0], sum[0][2][0], sum[0][0][2]);
+        let (xy, xz, yz) = (sum[1][1][0], sum[1][0][1], sum[0][1][1]);
+        Some(FieldPoint {
+            distance: sum[0][0][0],
+            gradient: s * Vector3::new(sum[1][0][0], sum[0][1][0], sum[0][0][1]),
+            hessian: s * s * Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+        })
+    }
+}
+
+/// Place in a grid of `n` of its element `e`, z fastest.
+fn split(e: usize, n: [usize; 3]) -> [usize; 3] {
+    [e / (n[1] * n[2]), e / n[2] % n[1], e % n[2]]
+}
+
+/// The four cubic B-splines that are not zero at the fraction `t` of a cell, with first and second derivatives.
+fn splines(t: f64) -> [[f64; 4]; 3] {
+    let u = 1.0 - t;
+    [
+        [
+            u * u * u / 6.0,
+            (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0,
+            (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0,
+            t * t * t / 6.0,
+        ],
+        [-0.5 * u * u, -2.0 * t + 1.5 * t * t, 2.0 * u - 1.5 * u * u, 0.5 * t * t],
+        [u, 3.0 * t - 2.0, 3.0 * u - 2.0, t],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ball(spacing: f64) -> DistanceField {
+        let side = Vector3::repeat(0.03);
+        DistanceField::new(-side, side, spacing, |p| p.norm() - 0.02)
+    }
+
+    #[test]
+    fn a_plane_is_itself_and_a_ball_lies_too_deep_by_its_curvature() {
+        let n = Vector3::new(0.6, 0.0, 0.8);
+        let side = Vector3::repeat(0.01);
+        let plane = DistanceField::new(-side, side, 1e-3, |p| n.dot(p) - 1e-3);
+        let at = plane.at(&Vector3::new(1.3e-3, -2e-3, 0.7e-3)).unwrap();
+        assert!((at.distance - (0.6 * 1.3e-3 + 0.8 * 0.7e-3 - 1e-3)).abs() < 1e-15, "{at:?}");
+        assert!((at.gradient - n).norm() < 1e-12 && at.hessian.norm() < 1e-8, "{at:?}");
+        let p = Vector3::new(1.0, -2.0, 0.5).normalize() * 0.02;
+        for h in [1e-3, 2e-3] {
+            // (h²/6) 2/r.
+            let (found, expected) = (ball(h).at(&p).unwrap().distance, h * h / 6.0 * 2.0 / 0.02);
+            assert!((found / expected - 1.0).abs() < 0.03, "{found} against {expected}");
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_value() {
+        let field = ball(1e-3);
+        let (p, step) = (Vector3::new(0.011, 0.0123, -0.0134), 1e-7);
+        let at = field.at(&p).unwrap();
+        for c in 0..3 {
+            let [a, b] = [-step, step].map(|s| field.at(&(p + s * Vector3::ith(c, 1.0))).unwrap());
+            let slope = (b.distance - a.distance) / (2.0 * step);
+            assert!((slope - at.gradient[c]).abs() < 1e-7, "{slope} {}", at.gradient[c]);
+            let bend = (b.gradient - a.gradient) / (2.0 * step);
+            assert!((bend - at.hessian.column(c)).norm() < 1e-4 * at.hessian.norm(), "{bend}");
+        }
+        assert!(field.near(&Vector3::new(0.0, 0.0, 0.028), 1e-3).is_none());
+        assert!(field.near(&Vector3::new(0.0, 0.0, 0.0205), 1e-3).is_some());
+        assert!(field.at(&Vector3::new(0.0, 0.0, 0.031)).is_none());
+    }
+}
