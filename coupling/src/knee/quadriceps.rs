@@ -1,8 +1,9 @@
-//! Where the quadriceps pulls: six heads, each a string of given tension from the patella to its muscle, over whatever of the femur is in its way.
+//! Where the quadriceps pulls: five heads, each a string of given tension from the patella to its muscle, over whatever of the femur is in its way.
 //!
 //! Shares and directions are those with which cadaver knees are loaded since Farahmand, Senavongse & Amis, J Orthop Res 16:136-143 (1998), who
 //! measured them: cross-section areas of rectus femoris with vastus intermedius 35 %, long and oblique vastus lateralis 33 and 9 %, long
-//! and oblique vastus medialis 14 and 9 %; directions in extension against the shaft of the femur.
+//! and oblique vastus medialis 14 and 9 %; directions in extension against the shaft of the femur. Shares stand as others quote them; directions
+//! stand from memory and want checking against the paper.
 
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
