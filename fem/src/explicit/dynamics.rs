@@ -237,7 +237,7 @@ impl Dynamics {
                 motion.work += 0.5 * (ahead - energy + now - behind);
                 energy = now;
             }
-            if motion.steps % SAMPLE == 0 {
+            if motion.steps.is_multiple_of(SAMPLE) {
                 let (all, own) =
                     (masses.square(v), v.iter().zip(given.iter()).map(|(v, m)| m * v * v).sum::<f64>());
                 motion.largest_kinetic = motion.largest_kinetic.max(0.5 * all);
