@@ -30,7 +30,7 @@ const PIECE: usize = 512;
 /// the quotient is within [`MARGIN`] of it.
 pub const POWERS: [usize; 2] = [40, 10];
 /// Factor on the largest eigenvalue that the power method found, which comes to it from below. Steps that are too long all the same are seen
-/// (see [`Masses::quotient`]) and answered.
+/// from the quotient Δx·Δg / Δx·MΔx of the step itself, and answered.
 pub const MARGIN: f64 = 1.1;
 /// Curvatures of a block below this fraction of its greatest count as that: what resists in no direction of its own weighs something.
 const LEAST: f64 = 1e-6;

@@ -18,6 +18,8 @@ use fem::solve::Settings;
 
 /// Name of the scene.
 pub const NAME: &str = "deep_flexion";
+/// What it is.
+pub const WHAT: &str = "A knee bent to 137.5 degrees, its patella free under the force of the quadriceps.";
 /// Force \[N\] of the quadriceps on the way to deep flexion, and where poses were measured without load.
 const QUADRICEPS: [f64; 2] = [200.0, 50.0];
 

@@ -7,7 +7,7 @@ use clap::Args;
 use multibody::error::{hint, nearest};
 use multibody::shipped::{self, Kind};
 
-use super::Outcome;
+use super::{Outcome, deep_flexion};
 use crate::error::CommandError;
 use coupling::scene::Scene;
 
@@ -47,7 +47,8 @@ fn list(w: &mut impl Write) -> std::io::Result<()> {
             writeln!(w, "  {name:<20}{}", first_sentence(text))?;
         }
     }
-    Ok(())
+    writeln!(w, "knees (step; found with --data)")?;
+    writeln!(w, "  {:<20}{}", deep_flexion::NAME, deep_flexion::WHAT)
 }
 
 /// What a file says of itself first.

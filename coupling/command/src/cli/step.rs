@@ -12,7 +12,7 @@ use coupling::configuration::PerConfiguration;
 
 #[derive(Args)]
 pub struct StepArguments {
-    #[arg(help = scenes())]
+    #[arg(help = format!("{}. Or {}: {}", scenes(), deep_flexion::NAME, deep_flexion::WHAT))]
     scene: PathBuf,
     #[command(flatten)]
     run: RunArguments,
