@@ -151,8 +151,8 @@ impl TibiaPath {
     }
 }
 
-/// Columns of a table that hold the patella.
-const PATELLA: [&str; 6] = [
+/// Columns of a table that hold the patella, measured or computed.
+pub const PATELLA: [&str; 6] = [
     "patella_flexion_deg",
     "patella_rotation_deg",
     "patella_medial_tilt_deg",

@@ -9,17 +9,8 @@ use super::atomic::OutputFolder;
 use super::run::RunRecord;
 use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
+use coupling::knee::pose::PATELLA;
 use coupling::knee::rigid::RigidKnee;
-
-/// Coordinates of the patella, as columns are called.
-pub const COORDINATES: [&str; 6] = [
-    "patella_flexion_deg",
-    "patella_rotation_deg",
-    "patella_medial_tilt_deg",
-    "patella_anterior_mm",
-    "patella_proximal_mm",
-    "patella_lateral_mm",
-];
 
 /// A knee that was bent under load and, along its measured poses, without.
 pub struct Results<'a> {
@@ -62,7 +53,7 @@ fn patella(w: &mut dyn std::io::Write, knee: &RigidKnee, bent: &Bent) -> std::io
     let contact = ["contact_force_N", "contact_area_mm2", "greatest_pressure_MPa"];
     let settled = ["left_force_N", "left_moment_Nmm", "iterations"];
     let strands = knee.strands.iter().flat_map(|s| [format!("{s}_N"), format!("{s}_strain")]);
-    let header = std::iter::once("knee_flexion_deg").chain(COORDINATES).chain(contact).chain(settled);
+    let header = std::iter::once("knee_flexion_deg").chain(PATELLA).chain(contact).chain(settled);
     csv.write_record(header.map(str::to_string).chain(strands))?;
     let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     for f in &bent.frames {
@@ -79,8 +70,8 @@ fn patella(w: &mut dyn std::io::Write, knee: &RigidKnee, bent: &Bent) -> std::io
 /// A row per measured pose: computed and measured coordinates.
 fn measured(w: &mut dyn std::io::Write, results: &Results) -> std::io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
-    let beside = COORDINATES.map(|c| format!("measured_{c}"));
-    let header = std::iter::once("knee_flexion_deg").chain(COORDINATES).map(str::to_string);
+    let beside = PATELLA.map(|c| format!("measured_{c}"));
+    let header = std::iter::once("knee_flexion_deg").chain(PATELLA).map(str::to_string);
     csv.write_record(header.chain(beside))?;
     for (f, row) in results.unloaded.frames.iter().zip(&results.scene.measured) {
         let numbers = std::iter::once(f.tibia.flexion).chain(f.patella.to_array()).chain(row[1].to_array());
