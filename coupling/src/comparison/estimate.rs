@@ -30,6 +30,9 @@ const MEMORY: PerConfiguration<f64> = PerConfiguration { without: 6e3, with: 2.8
 /// Memory of the program in any case \[bytes\].
 const PROGRAM: f64 = 4e7;
 
+/// [Seconds of an iteration](super::speed::iteration_seconds) on the machine on which all these were measured.
+const ITERATION: f64 = 0.097;
+
 /// What a scene is expected to take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
@@ -59,15 +62,23 @@ pub struct Stage {
 }
 
 impl Expected {
-    /// Of a scene whose thigh takes so much in the configurations that are asked for.
-    pub fn of(scene: &Scene, thigh: &Thigh, works: PerConfiguration<Option<Work>>) -> Expected {
+    /// Of a scene whose thigh takes so much in the configurations that are asked for. `iteration`: [seconds of an
+    /// iteration](super::speed::iteration_seconds) here; `None`: as on the machine on which the constants were measured.
+    pub fn of(
+        scene: &Scene,
+        thigh: &Thigh,
+        works: PerConfiguration<Option<Work>>,
+        iteration: Option<f64>,
+    ) -> Expected {
+        let slower = iteration.map_or(1.0, |s| s / ITERATION);
         let solid = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid());
         let elements: usize = solid.map(|b| b.n_cells()).sum();
         let threads = rayon::current_num_threads() as f64;
         let stage = |name, work: Work, c: Configuration, iterations: f64| Stage {
             name,
             work,
-            seconds: (work.operations / FLOPS + ASSEMBLY[c] * elements as f64) * iterations / threads,
+            seconds: slower * (work.operations / FLOPS + ASSEMBLY[c] * elements as f64) * iterations
+                / threads,
             // Factors in single precision; the matrix twice, in double.
             memory_mib: (PROGRAM
                 + MEMORY[c] * elements as f64
@@ -88,7 +99,7 @@ impl Expected {
         Expected {
             elements,
             nodes: thigh.mesh.points.len(),
-            meshing: MESHING * elements as f64 / threads,
+            meshing: slower * MESHING * elements as f64 / threads,
             memory_mib: stages.iter().map(|s| s.memory_mib).fold(PROGRAM / f64::from(1 << 20), f64::max),
             stages,
         }

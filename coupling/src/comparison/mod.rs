@@ -6,6 +6,7 @@ pub mod compare;
 pub mod estimate;
 pub mod explain;
 pub mod quantities;
+pub mod speed;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

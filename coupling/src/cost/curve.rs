@@ -56,6 +56,9 @@ pub struct Curve {
     pub scene: String,
     /// The finest setting, which errors are measured against.
     pub reference: String,
+    /// [Seconds of an iteration](crate::comparison::speed::iteration_seconds) on the machine that measured it.
+    #[serde(default)]
+    pub iteration_s: Option<f64>,
     /// Settings with contact, the cheapest first.
     #[serde(default)]
     pub contact: Vec<Point>,

@@ -8,6 +8,7 @@ use super::rung::step;
 use crate::error::CommandError;
 use crate::output::OutputError;
 use coupling::comparison::Comparison;
+use coupling::comparison::speed::iteration_seconds;
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::cost::curve::{Curve, Point, cheapest};
 use coupling::cost::ladder::changed;
@@ -24,6 +25,8 @@ pub struct Accuracy {
     points: Vec<Point>,
     /// Scene that they were measured on.
     measured_on: String,
+    /// How many times as long this machine takes as the one that measured the curve, where that is known.
+    slower: Option<f64>,
     /// The one chosen.
     chosen: Point,
     /// What a coarser run makes of the error of the chosen one \[%\].
@@ -42,7 +45,7 @@ impl Accuracy {
                 "--accuracy is {wanted}; give percent, above 0 and at most 100"
             )));
         }
-        let Curve { scene, contact, no_contact, .. } = Curve::read(curve)?;
+        let Curve { scene, contact, no_contact, iteration_s, .. } = Curve::read(curve)?;
         let (configuration, points) = match asked.with {
             true => (Configuration::WithContact, contact),
             false => (Configuration::WithoutContact, no_contact),
@@ -57,7 +60,9 @@ impl Accuracy {
                 curve.display()
             )));
         };
-        Ok(Accuracy { wanted, configuration, points, measured_on: scene, chosen, estimated: Cell::new(None) })
+        let slower = iteration_s.map(|there| iteration_seconds() / there);
+        let (measured_on, estimated) = (scene, Cell::new(None));
+        Ok(Accuracy { wanted, configuration, points, measured_on, slower, chosen, estimated })
     }
 
     /// The scene with the setting that was chosen.
@@ -86,12 +91,15 @@ impl Accuracy {
             );
         }
         format!(
-            "accuracy: {} % wanted; {} promises {} % on {}, in {} s there",
+            "accuracy: {} % wanted; {} promises {} % on {}, in {} s there{}",
             self.wanted,
             self.chosen.setting,
             significant(self.chosen.error_percent, 2),
             self.measured_on,
-            significant(self.chosen.seconds, 2)
+            significant(self.chosen.seconds, 2),
+            self.slower.map_or(String::new(), |slower| {
+                format!(", some {} s on this machine", significant(slower * self.chosen.seconds, 2))
+            })
         )
     }
 

@@ -226,7 +226,7 @@ pub(super) fn carry_out(
     if progress.is_shown() {
         let thigh = sized.draft()?;
         let works = Work::of_draft(&sized.scene, &thigh, asked);
-        let expected = Expected::of(&sized.scene, &thigh, works);
+        let expected = Expected::of(&sized.scene, &thigh, works, None);
         progress.expect(|stage| expected.of_stage(stage));
     }
     let mut prepared = Prepared::of(sized, &mut |stage| progress.lap(stage))?;

@@ -22,8 +22,10 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::cost::{CostReport, cost_page, cost_picture};
 use coupling::comparison::estimate::{Expected, Work};
+use coupling::comparison::speed::iteration_seconds;
 use coupling::comparison::{STAGES, Sized};
 use coupling::configuration::PerConfiguration;
+use coupling::cost::curve::Curve;
 use coupling::cost::ladder::Ladder;
 use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
 use coupling::fibres::cache::program_hash;
@@ -80,7 +82,7 @@ impl Before {
         let text = format!("# Rung {} of the ladder {}; {hash}\n{}", rung.name, ladder.name, rung.scene.text);
         let with = rung.scene.contact.is_some();
         let works = Work::of_draft(&sized.scene, &sized.draft()?, PerConfiguration { without: !with, with });
-        let expected = Expected::of(&sized.scene, &sized.draft()?, works);
+        let expected = Expected::of(&sized.scene, &sized.draft()?, works, None);
         Ok((Before { text, expected }, sized))
     }
 }
@@ -134,7 +136,8 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
     out.write("cost.csv", |w| write_cost(w, &report))?;
     out.write("axes.csv", |w| write_axes(w, &report))?;
     out.write("errors.csv", |w| write_errors(w, &report))?;
-    let curve = toml::to_string(&report.curve()).expect("plain data");
+    let curve = Curve { iteration_s: Some(iteration_seconds()), ..report.curve() };
+    let curve = toml::to_string(&curve).expect("plain data");
     out.write("curve.toml", |w| w.write_all(curve.as_bytes()))?;
     out.write("cost.svg", |w| w.write_all(cost_picture(&report).as_bytes()))?;
     let page = cost_page(&report);

@@ -10,6 +10,7 @@ use super::scenes::{read_scene, scenes};
 use super::{Outcome, tell};
 use crate::error::CommandError;
 use coupling::comparison::estimate::{Expected, Stage, Work};
+use coupling::comparison::speed::iteration_seconds;
 use coupling::comparison::{Prepared, Sized};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::scene::Scene;
@@ -57,7 +58,7 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
         (sized.scene, thigh, works)
     };
     let (simulated, left_out) = scene.effects(&thigh, asked);
-    let expected = Expected::of(&scene, &thigh, works);
+    let expected = Expected::of(&scene, &thigh, works, Some(iteration_seconds()));
     let mut out = std::io::stdout().lock();
     // A reader that closes the pipe early is no error.
     let _ = if arguments.json {
