@@ -408,6 +408,10 @@ pub fn unsuited(plan: &Plan, settings: &Settings) -> Vec<String> {
     if settings.method != Method::Newton && !plan.free_bodies.is_empty() {
         mistakes.push("method: bodies whose poses are unknowns need `newton`".to_string());
     }
+    if settings.method != Method::Newton && !plan.embedded.is_empty() {
+        // What a grid node outside its body weighs can be negative.
+        mistakes.push("method: regions embedded in grids need `newton`".to_string());
+    }
     if settings.method != Method::Newton && settings.stability == Stability::Always {
         mistakes.push("check_stability: only `newton` can show that a state is stable".to_string());
     }

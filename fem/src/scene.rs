@@ -59,6 +59,8 @@ pub struct Scene {
     pub free_bodies: Vec<FreeBodySpec>,
     /// Forces on free bodies.
     pub body_forces: Vec<BodyForceSpec>,
+    /// Solid regions whose nodes are means of those of a coarse grid of cubes.
+    pub embedded: Vec<EmbeddedSpec>,
     /// Sets of nodes that move as one plane.
     pub planes: Vec<PlaneSpec>,
     /// Contact between surfaces; absent: they do not see each other.
@@ -523,6 +525,38 @@ pub struct BodyForceSpec {
     pub follows: bool,
     /// Control that scales it.
     pub control: String,
+}
+
+/// A solid region whose free nodes are fixed means of the corners of the cube of a grid in which they lie; see
+/// [`crate::plan::EmbeddedRegion`].
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct EmbeddedSpec {
+    /// The solid.
+    pub region: String,
+    /// Edge of a cube \[m\]: at least twice that of the cells of the region, or exactly theirs.
+    pub cell: f64,
+    /// Over what the volume ratio of mean dilatation is one.
+    #[serde(default)]
+    pub dilatation: DilatationSpec,
+}
+
+impl EmbeddedSpec {
+    /// With everything else at its default.
+    pub fn new(region: &str, cell: f64) -> EmbeddedSpec {
+        EmbeddedSpec { region: region.to_string(), cell, dilatation: DilatationSpec::default() }
+    }
+}
+
+/// Over what the volume ratio of mean dilatation is one in an embedded region.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DilatationSpec {
+    /// Over what a cube holds.
+    #[default]
+    Cube,
+    /// Over every cell of the mesh. It locks, as one cube then has to keep many volumes; to see by how much.
+    Element,
 }
 
 /// Nodes whose displacement along a direction is one common unknown.

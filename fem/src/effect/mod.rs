@@ -7,6 +7,7 @@
 
 pub mod anchored;
 pub mod chain;
+pub mod embedded_solid;
 pub mod follower_force;
 pub mod inertia;
 pub mod island_term;
@@ -20,6 +21,7 @@ pub mod solid;
 
 pub use anchored::Anchored;
 pub use chain::Chains;
+pub use embedded_solid::EmbeddedSolid;
 pub use follower_force::FollowerForce;
 pub use inertia::TimeStep;
 pub use island_term::IslandTerm;
@@ -109,9 +111,19 @@ impl Groups {
         nodes: &[[u32; N]],
         centroids: Vec<[f64; 3]>,
     ) -> Self {
-        assert_eq!(nodes.len(), centroids.len(), "one centroid per group of `{name}`");
-        let nodes = nodes.as_flattened().to_vec();
-        Groups { name: name.to_string(), kind, nodes_per_group: N, nodes, centroids }
+        Groups::of_size(name, kind, N, nodes.as_flattened().to_vec(), centroids)
+    }
+
+    /// The same where the number of nodes per group is found at run time.
+    pub fn of_size(
+        name: &str,
+        kind: EffectKind,
+        nodes_per_group: usize,
+        nodes: Vec<u32>,
+        centroids: Vec<[f64; 3]>,
+    ) -> Self {
+        assert_eq!(nodes.len(), nodes_per_group * centroids.len(), "one centroid per group of `{name}`");
+        Groups { name: name.to_string(), kind, nodes_per_group, nodes, centroids }
     }
 
     /// Number of groups.
@@ -171,8 +183,12 @@ pub trait Effect: Send + Sync {
     fn is_linear(&self) -> bool {
         false
     }
+    /// Indices in the mesh of its cells where these are not its groups, in the order in which it counts cells; `None`: they are.
+    fn cells(&self) -> Option<&[u32]> {
+        None
+    }
     /// Mean state of a solid element; `None` for anything else.
-    fn solid_state(&self, _s: &State, _group: usize) -> Option<SolidState> {
+    fn solid_state(&self, _s: &State, _cell: usize) -> Option<SolidState> {
         None
     }
     /// Stretch and axial force \[N\] of a segment; `None` for anything else.
@@ -183,11 +199,11 @@ pub trait Effect: Send + Sync {
     fn membrane_state(&self, _s: &State, _group: usize) -> Option<MembraneState> {
         None
     }
-    /// Least det F over the quadrature points of a group; `None` where the effect has no volume.
-    fn group_det_f(&self, _s: &State, _group: usize) -> Option<f64> {
+    /// Least det F over the quadrature points of a group and the cell where it is; `None` where the effect has no volume.
+    fn group_det_f(&self, _s: &State, _group: usize) -> Option<(f64, usize)> {
         None
     }
-    /// Least det F over the quadrature points and the group where it is; `None` where the effect has no volume.
+    /// Least det F over the quadrature points and the cell where it is; `None` where the effect has no volume.
     fn least_det_f(&self, _s: &State) -> Option<(f64, usize)> {
         None
     }

@@ -142,8 +142,8 @@ impl<F: LawField, const N: usize, const G: usize> Effect for Solid<F, N, G> {
         Some(SolidState { volume: element.volume, volume_ratio: element.dilatation(&x), cauchy, fibre })
     }
 
-    fn group_det_f(&self, s: &State, group: usize) -> Option<f64> {
-        Some(self.det_f(s, group))
+    fn group_det_f(&self, s: &State, group: usize) -> Option<(f64, usize)> {
+        Some((self.det_f(s, group), group))
     }
 
     fn least_det_f(&self, s: &State) -> Option<(f64, usize)> {

@@ -219,19 +219,19 @@ fn scatter<const N: usize>(f: &mut [[f64; 3]; N], P: &Matrix3, d: &[[f64; 3]; N]
 
 /// Derivatives of ψ̂(F, θ) at one point: over the invariants where its tangent will be made from principal stretches.
 #[allow(clippy::large_enum_variant)] // eight of them, on the stack
-enum Derivatives {
+pub(super) enum Derivatives {
     ByInvariants(Jet<4>),
     All(Mixed),
 }
 
 impl Derivatives {
-    fn new<L: Material>(law: &L, F: &Matrix3, theta: f64, convexity: f64) -> Derivatives {
+    pub(super) fn new<L: Material>(law: &L, F: &Matrix3, theta: f64, convexity: f64) -> Derivatives {
         let jet = if convexity > 0.0 { law.by_invariants(F, Some(theta)) } else { None };
         jet.map_or_else(|| Derivatives::All(law.mixed_tangent(F, theta)), Derivatives::ByInvariants)
     }
 
     /// ∂ψ̂/∂θ \[Pa\].
-    fn p(&self) -> f64 {
+    pub(super) fn p(&self) -> f64 {
         match self {
             Derivatives::ByInvariants(psi) => psi.g[3],
             Derivatives::All(mixed) => mixed.p,
@@ -239,7 +239,7 @@ impl Derivatives {
     }
 
     /// Second derivatives of ψ̂(F, θ) + p̄ det F less the fraction `convexity` of their negative curvatures, over F, F and θ, and θ.
-    fn tangent<L: Material>(
+    pub(super) fn tangent<L: Material>(
         &self,
         law: &L,
         F: &Matrix3,
@@ -262,7 +262,7 @@ impl Derivatives {
 }
 
 /// ∂P/∂F less the fraction `convexity` of its negative curvatures.
-fn plain_tangent<L: Material>(law: &L, F: &Matrix3, convexity: f64) -> Blocks {
+pub(super) fn plain_tangent<L: Material>(law: &L, F: &Matrix3, convexity: f64) -> Blocks {
     if convexity > 0.0
         && let Some(psi) = law.by_invariants(F, None)
         && let Some((A, ..)) = lifted_tangent(F, &psi, 0.0, convexity)

@@ -51,8 +51,8 @@ pub struct SolidField {
 
 /// State of every cell of a solid region, in the order of its block; `None` where the plan has no such solid.
 pub fn solid_field(plan: &Plan, at: Snapshot, region: &str) -> Option<Vec<SolidField>> {
-    let states = states(plan, at, region, |effect, s, group| {
-        effect.solid_state(s, group).map(|state| {
+    let states = states(plan, at, region, |effect, s, cell| {
+        effect.solid_state(s, cell).map(|state| {
             let mut principal: [f64; 3] = state.cauchy.symmetric_eigenvalues().into();
             principal.sort_by(|a, b| b.total_cmp(a));
             SolidField {
@@ -96,7 +96,7 @@ pub fn membrane_field(plan: &Plan, at: Snapshot, region: &str) -> Option<Vec<Mem
     (!states.is_empty()).then_some(states)
 }
 
-/// What `look` finds in every group of the effects of a name, in the order of the mesh.
+/// What `look` finds in every cell of the effects of a name, in the order of the mesh.
 fn states<T>(
     plan: &Plan,
     at: Snapshot,
@@ -108,8 +108,8 @@ fn states<T>(
         let x = island.gather(at.x);
         let s = State { x: &x, controls: &at.load.controls };
         for (effect, cells) in island.effects.iter().zip(&island.cells).filter(|(e, _)| e.name() == name) {
-            for (group, &cell) in cells.iter().enumerate() {
-                found.extend(look(effect.as_ref(), &s, group).map(|state| (cell, state)));
+            for (at, &cell) in cells.iter().enumerate() {
+                found.extend(look(effect.as_ref(), &s, at).map(|state| (cell, state)));
             }
         }
     }

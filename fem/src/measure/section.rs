@@ -67,16 +67,19 @@ pub fn section_force(plan: &Plan, at: Snapshot, cut: &Cut) -> SectionForce {
                 let c = effect.centroid(group);
                 let is_ahead = (0..3).map(|i| (c[i] - cut.point[i]) * cut.normal[i]).sum::<f64>() > 0.0;
                 let side = if is_ahead { &mut ahead } else { &mut behind };
-                let used =
-                    || nodes.iter().filter(|n| **n != NO_NODE).map(|&n| island.nodes[n as usize] as usize);
-                used().for_each(|n| side[n] = true);
+                // Forces balance at the nodes that bear them: those of a grid where the mesh is embedded in one.
+                let bearers = |n: u32| plan.bearers(island.nodes[n as usize]);
+                let used = || nodes.iter().filter(|n| **n != NO_NODE);
+                used().flat_map(|&n| bearers(n)).for_each(|(n, _)| side[n as usize] = true);
                 if is_ahead {
                     continue;
                 }
                 effect.forces(&s, group, &mut f);
-                for (n, f) in used().zip(f.chunks_exact(3)) {
-                    for i in 0..3 {
-                        g[3 * n + i] += f[i];
+                for (&n, f) in used().zip(f.chunks_exact(3)) {
+                    for (n, w) in bearers(n) {
+                        for i in 0..3 {
+                            g[3 * n as usize + i] += w * f[i];
+                        }
                     }
                 }
             }
@@ -124,11 +127,12 @@ fn add_weights(
             if (0..3).map(|i| (centroid(i) - cut.point[i]) * cut.normal[i]).sum::<f64>() > 0.0 {
                 continue;
             }
-            for (&n, f) in
-                nodes.iter().zip(weights).filter(|(n, _)| shared.binary_search(&(**n as usize)).is_ok())
-            {
+            let borne = nodes.iter().zip(weights).flat_map(|(&n, f)| {
+                plan.bearers(n).into_iter().map(move |(of, part)| (of as usize, part, f))
+            });
+            for (n, part, f) in borne.filter(|(n, ..)| shared.binary_search(n).is_ok()) {
                 for i in 0..3 {
-                    g[3 * n as usize + i] -= at.load.controls[w.control] * f[i];
+                    g[3 * n + i] -= part * (at.load.controls[w.control] * f[i]);
                 }
             }
         }

@@ -139,6 +139,16 @@ pub enum SceneError {
         /// The set.
         nodes: String,
     },
+    /// A grid whose cubes do not suit the region that is to be embedded in it.
+    #[error("embedded `{region}`: cubes of {:.6} mm {why}", cell * 1e3)]
+    Cube {
+        /// The region.
+        region: String,
+        /// Edge of a cube \[m\].
+        cell: f64,
+        /// What is wrong with them, and what to do.
+        why: String,
+    },
     /// An embedded point outside all solids.
     #[error("{user}: point ({x:.6}, {y:.6}, {z:.6}) m of line {line} lies in no solid cell; move it inside")]
     Outside {

@@ -28,7 +28,7 @@ pub struct Island {
     pub X: Vec<f64>,
     /// Effects over local nodes.
     pub effects: Vec<Box<dyn Effect>>,
-    /// Index in the mesh (or in its list in the scene) of each group of each effect.
+    /// Index in the mesh (or in its list in the scene) of each cell of each effect ([`Effect::cells`]).
     pub cells: Vec<Vec<u32>>,
     /// What each component of each local node does; followers name local nodes.
     pub motion: Vec<[Motion; 3]>,
@@ -84,7 +84,7 @@ impl Island {
             n != NO_NODE
                 && motion[n as usize]
                     .iter()
-                    .any(|m| matches!(m, Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_)))
+                    .any(|m| !matches!(m, Motion::Free) && m.is_unknown())
         };
         let free_of = |n: u32| if n == NO_NODE { PRESCRIBED } else { free[n as usize] };
         let mut tied = Vec::new();
@@ -209,9 +209,9 @@ impl Island {
         let mut worst = None;
         for &(e, g) in &self.prescribed {
             let effect = &self.effects[e];
-            let det = effect.group_det_f(&s, g).expect("a cell with a volume");
+            let (det, cell) = effect.group_det_f(&s, g).expect("a cell with a volume");
             if !(det > 0.0) && worst.as_ref().is_none_or(|(w, _)| det < *w) {
-                worst = Some((det, format!("element {} in `{}`", self.cells[e][g], effect.name())));
+                worst = Some((det, format!("element {} in `{}`", self.cells[e][cell], effect.name())));
             }
         }
         worst

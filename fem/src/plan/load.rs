@@ -7,7 +7,40 @@ use super::slide::Slide;
 use crate::body::{Pose, interpolate};
 
 /// Nodes of which another is a fixed mean, with their weights, which add up to 1.
-pub(super) type Mean = Vec<(u32, f64)>;
+pub type Mean = Vec<(u32, f64)>;
+
+/// What every node does, and what that refers to.
+#[derive(Clone, Copy)]
+pub(super) struct Motions<'a> {
+    /// Per node what its components do.
+    pub(super) motion: &'a [[Motion; 3]],
+    pub(super) slides: &'a [Slide],
+    pub(super) free: &'a [FreeBody],
+    pub(super) means: &'a [Mean],
+}
+
+impl Motions<'_> {
+    /// The mean of others that a node at `X` \[m\] in the mesh is, if it is one.
+    pub(super) fn mean(&self, node: u32, X: [f64; 3]) -> Option<Mean> {
+        match self.motion[node as usize][0] {
+            Motion::Rides(body) => Some(self.free[body].weights(X).to_vec()),
+            Motion::Mean(of) => Some(self.means[of as usize].clone()),
+            _ => None,
+        }
+    }
+
+    /// The nodes whose displacements a node takes over.
+    pub(super) fn leaders(&self, node: u32) -> Vec<u32> {
+        let of = |motion: &Motion| match motion {
+            Motion::Follows(leader) => vec![*leader],
+            Motion::Slides(of) => self.slides[*of as usize].follows.iter().map(|f| f.0).collect(),
+            Motion::Rides(body) => self.free[*body].frame.to_vec(),
+            Motion::Mean(of) => self.means[*of as usize].iter().map(|(leader, _)| *leader).collect(),
+            _ => Vec::new(),
+        };
+        self.motion[node as usize].iter().flat_map(of).collect()
+    }
+}
 
 /// What one component of a node does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +57,8 @@ pub enum Motion {
     Follows(u32),
     /// It rides on a free body: index into [`Plan::free_bodies`](super::Plan::free_bodies).
     Rides(usize),
+    /// It is a fixed mean of others, as its whole node is: index into [`Plan::means`](super::Plan::means).
+    Mean(u32),
     /// It moves with its node, which slides in directions that are no axes: index into [`Plan::slides`](super::Plan::slides).
     Slides(u32),
 }
@@ -31,16 +66,9 @@ pub enum Motion {
 impl Motion {
     /// Whether it is not prescribed altogether.
     pub fn is_unknown(&self) -> bool {
-        matches!(self, Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_))
-    }
-
-    /// The nodes whose displacements it takes over.
-    pub(super) fn leaders(&self, slides: &[Slide], free: &[FreeBody]) -> Vec<u32> {
         match self {
-            Motion::Follows(leader) => vec![*leader],
-            Motion::Slides(of) => slides[*of as usize].follows.iter().map(|f| f.0).collect(),
-            Motion::Rides(body) => free[*body].frame.to_vec(),
-            _ => Vec::new(),
+            Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_) | Motion::Mean(_) => true,
+            Motion::Held | Motion::Control(..) | Motion::Body(_) => false,
         }
     }
 }
@@ -59,7 +87,11 @@ impl Load {
     pub fn prescribe(&self, motion: &[Motion; 3], X: &[f64; 3], x: &mut [f64; 3]) {
         for c in 0..3 {
             match motion[c] {
-                Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_) => {}
+                Motion::Free
+                | Motion::Follows(_)
+                | Motion::Slides(_)
+                | Motion::Rides(_)
+                | Motion::Mean(_) => {}
                 Motion::Held => x[c] = X[c],
                 Motion::Control(control, u) => x[c] = X[c] + self.controls[control] * u,
                 Motion::Body(b) => x[c] = (self.poses[b] * nalgebra::Point3::from(*X))[c],

@@ -12,7 +12,11 @@ use super::tied::TiedGroup;
 use crate::effect::{Anchored, Effect, EffectKind, IslandTerm, State};
 use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Groups some nodes of which follow others whose stiffness is held at once: 6 MB of segments between two cubes of a grid.
+const TIED_AT_ONCE: usize = 256;
 
 /// An island under a load: what the solver minimizes.
 pub struct LoadedIsland {
@@ -110,6 +114,18 @@ impl LoadedIsland {
         full
     }
 
+    /// Hands the stiffness of every group some nodes of which follow others to `see`, in their order; computed in parallel, so many at a
+    /// time that memory stays small.
+    fn each_tied(&self, s: &State, convexity: f64, mut see: impl FnMut(&TiedGroup, &[f64])) {
+        let island = &self.island;
+        let is_there = |t: &&TiedGroup| !island.effects[t.effect].is_linear();
+        let tied: Vec<&TiedGroup> = island.tied.iter().filter(is_there).collect();
+        for some in tied.chunks(TIED_AT_ONCE) {
+            let all: Vec<_> = some.par_iter().map(|t| self.tied_stiffness(t, s, convexity)).collect();
+            some.iter().zip(&all).for_each(|(t, full)| see(t, full));
+        }
+    }
+
     /// Positions \[m\] of all local nodes.
     pub fn expand(&self, free: &[f64]) -> Vec<f64> {
         let mut x = self.x.clone();
@@ -200,17 +216,17 @@ impl Potential for LoadedIsland {
                 }
             });
         }
-        for t in island.tied.iter().filter(|t| !island.effects[t.effect].is_linear()) {
-            let (full, n) = (self.tied_stiffness(t, &s, convexity), 3 * t.nodes.len());
-            for (a, &na) in t.nodes.iter().enumerate() {
-                for (b, &nb) in t.nodes.iter().enumerate() {
-                    if let (Some(row), Some(column)) = (island.free_index(na), island.free_index(nb)) {
-                        let block = std::array::from_fn(|e| full[(3 * a + e / 3) * n + 3 * b + e % 3]);
-                        k.add_block(row, column, &block);
-                    }
+        self.each_tied(&s, convexity, |t, full| {
+            let n = 3 * t.nodes.len();
+            let places = t.nodes.iter().enumerate();
+            let free: Vec<_> = places.filter_map(|(a, &n)| Some((a, island.free_index(n)?))).collect();
+            for &(a, row) in &free {
+                for &(b, column) in &free {
+                    let block = std::array::from_fn(|e| full[(3 * a + e / 3) * n + 3 * b + e % 3]);
+                    k.add_block(row, column, &block);
                 }
             }
-        }
+        });
         for term in &self.terms {
             k.couple(&island.onto_unknowns(term.hessian(&x, convexity)));
         }
@@ -236,8 +252,8 @@ impl Potential for LoadedIsland {
             });
         }
         let blocks = blocks.as_chunks_mut::<9>().0;
-        for t in island.tied.iter().filter(|t| !island.effects[t.effect].is_linear()) {
-            let (full, n) = (self.tied_stiffness(t, &s, 1.0), 3 * t.nodes.len());
+        self.each_tied(&s, 1.0, |t, full| {
+            let n = 3 * t.nodes.len();
             for (a, &node) in t.nodes.iter().enumerate() {
                 if let Some(free) = island.free_index(node) {
                     for (e, sum) in blocks[free].iter_mut().enumerate() {
@@ -245,7 +261,7 @@ impl Potential for LoadedIsland {
                     }
                 }
             }
-        }
+        });
         for term in &self.terms {
             for ([row, column], block) in island.onto_unknowns(term.hessian(&x, 1.0)) {
                 if row == column {
@@ -278,11 +294,8 @@ impl Potential for LoadedIsland {
         }
         scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
         for (n, motion) in island.motion.iter().enumerate() {
-            for c in
-                (0..3).filter(|&c| matches!(motion[c], Motion::Free | Motion::Follows(_) | Motion::Rides(_)))
-            {
-                total[3 * n + c] = 0.0;
-            }
+            let is_moved = |c: &usize| motion[*c].is_unknown() && !matches!(motion[*c], Motion::Slides(_));
+            (0..3).filter(is_moved).for_each(|c| total[3 * n + c] = 0.0);
         }
         for (&n, slide) in &island.slides {
             let i = 3 * n as usize;
@@ -344,10 +357,10 @@ impl Admissible for LoadedIsland {
         let s = State { x: &x, controls: &self.load.controls };
         let mut worst = (f64::INFINITY, "no element".to_string());
         for (effect, cells) in self.island.effects.iter().zip(&self.island.cells) {
-            if let Some((det, group)) = effect.least_det_f(&s)
+            if let Some((det, cell)) = effect.least_det_f(&s)
                 && (det < worst.0 || det.is_nan())
             {
-                worst = (det, format!("element {} in `{}`", cells[group], effect.name()));
+                worst = (det, format!("element {} in `{}`", cells[cell], effect.name()));
             }
         }
         worst

@@ -8,6 +8,7 @@ mod embed;
 mod error;
 mod followers;
 mod free;
+mod grid;
 mod inertia;
 mod island;
 mod lines;
@@ -26,9 +27,10 @@ mod warning;
 pub use contact::{ContactPlan, ContactSurface, Repair};
 pub use error::SceneError;
 pub use free::FreeBody;
+pub use grid::EmbeddedRegion;
 pub use inertia::Inertia;
 pub use island::Island;
-pub use load::{Load, Motion};
+pub use load::{Load, Mean, Motion};
 pub use loaded::LoadedIsland;
 pub use slide::Slide;
 pub use solids::Weights;
@@ -40,6 +42,7 @@ use crate::mesh::Mesh;
 use crate::scene::{Course, ForceSpec, Scene};
 use embed::Embedding;
 use error::{Mistakes, nearest};
+use load::Motions;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -57,6 +60,10 @@ pub struct Plan {
     pub motion: Vec<[Motion; 3]>,
     /// Bodies whose poses are unknowns; see [`Motion::Rides`].
     pub free_bodies: Vec<FreeBody>,
+    /// Regions whose nodes are means of those of a grid.
+    pub embedded: Vec<EmbeddedRegion>,
+    /// Nodes that are fixed means of others, as these; see [`Motion::Mean`].
+    pub means: Vec<Mean>,
     /// How nodes move that slide in directions that are no axes; see [`Motion::Slides`].
     pub slides: Vec<Slide>,
     /// Centre of the nodes tied to each body \[m\], about which it turns between loads.
@@ -102,13 +109,19 @@ impl Plan {
         // Numbered anew below: here it only matters what is prescribed.
         let motion = mistakes.keep(motion::motions(scene, &mesh, &free_bodies, &mut Names::default()));
         let contact = motion.as_ref().and_then(|(m, _)| mistakes.keep(contact(scene, &mut mesh, m)));
+        let embedding = match &motion {
+            Some((motion, slides)) if !scene.embedded.is_empty() => {
+                mistakes.keep(grid::embed(scene, &mut mesh, motion, slides)).unwrap_or_default()
+            }
+            _ => grid::Embedding::default(),
+        };
         let mut names = Names::default();
         let weights = weights(scene, &mesh, &mut names, &mut mistakes);
         let mut terms = terms(
             scene,
             &mesh,
             motion.as_ref().map(|(m, s)| (m.as_slice(), s.as_slice())),
-            &weights,
+            (&weights, &embedding),
             own,
             &mut names,
             &mut mistakes,
@@ -118,20 +131,18 @@ impl Plan {
         }
         let inertia = mistakes.keep(inertia::inertia(scene, &mesh));
         let motion = mistakes.keep(motion::motions(scene, &mesh, &free_bodies, &mut names));
-        let (Some((contact, repair)), Some(inertia), Some((motion, slides)), true) =
+        let (Some((contact, repair)), Some(inertia), Some((mut motion, slides)), true) =
             (contact, inertia, motion, mistakes.is_empty())
         else {
             return Err(mistakes.into_error());
         };
+        let grid::Embedding { means, nodes, regions: embedded, .. } = embedding;
+        for (node, of) in nodes.into_iter().zip(0..) {
+            motion[node as usize] = [Motion::Mean(of); 3];
+        }
         let pivots = Arc::new(pivots(&mesh, &motion, names.bodies.len()));
-        let islands = islands(
-            &mesh,
-            &terms,
-            (&motion, &slides, &free_bodies),
-            &pivots,
-            names.controls.len(),
-            contact.as_ref(),
-        )?;
+        let motions = Motions { motion: &motion, slides: &slides, free: &free_bodies, means: &means };
+        let islands = islands(&mesh, &terms, motions, &pivots, names.controls.len(), contact.as_ref())?;
         let effects = terms.iter().map(|t| (t.name.clone(), t.nodes.len() / t.nodes_per_group)).collect();
         let mut idle: std::collections::BTreeSet<u32> = (0..mesh.points.len() as u32).collect();
         islands.iter().flat_map(|i| &i.nodes).for_each(|n| {
@@ -153,6 +164,8 @@ impl Plan {
             islands,
             motion,
             free_bodies,
+            embedded,
+            means,
             slides,
             pivots,
             weights,
@@ -249,6 +262,15 @@ impl Plan {
         mistakes.end()
     }
 
+    /// Nodes of the mesh on which a force on one acts in the balance, with the part of it: those of which the node is a fixed mean
+    /// ([`Motion::Mean`]), otherwise itself.
+    pub(crate) fn bearers(&self, node: u32) -> Mean {
+        match self.motion[node as usize][0] {
+            Motion::Mean(of) => self.means[of as usize].clone(),
+            _ => vec![(node, 1.0)],
+        }
+    }
+
     /// Number of unknowns of all islands.
     pub fn n_unknowns(&self) -> usize {
         self.islands.iter().map(|i| i.n_unknowns()).sum()
@@ -284,6 +306,7 @@ fn absent(scene: &Scene) -> Vec<&'static str> {
         ("patch pressures", scene.patch_pressures.is_empty()),
         ("forces", scene.forces.is_empty()),
         ("free bodies", scene.free_bodies.is_empty()),
+        ("embedded regions", scene.embedded.is_empty()),
         ("contact", scene.contact.is_none()),
     ]
     .into_iter()
@@ -318,14 +341,15 @@ fn terms(
     scene: &Scene,
     mesh: &Mesh,
     motion: Option<(&[[Motion; 3]], &[Slide])>,
-    weights: &[Weights],
+    (weights, embedded_in_grids): (&[Weights], &grid::Embedding),
     own: OwnTerms,
     names: &mut Names,
     mistakes: &mut Mistakes,
 ) -> Vec<Term> {
     let mut terms = Vec::new();
     for spec in &scene.solids {
-        terms.extend(mistakes.keep(solids::term(spec, mesh, names)));
+        let clusters = embedded_in_grids.clusters_of(&spec.region);
+        terms.extend(mistakes.keep(solids::term(spec, mesh, clusters, names)));
     }
     let embedded = scene.fibres.iter().any(|f| matches!(f.course, Course::Embedded(_)));
     let regions: Vec<&str> =
@@ -412,23 +436,21 @@ fn pivots(mesh: &Mesh, motion: &[[Motion; 3]], n_bodies: usize) -> Vec<[f64; 3]>
 fn islands(
     mesh: &Mesh,
     terms: &[Term],
-    (motion, slides, free): (&[[Motion; 3]], &[Slide], &[FreeBody]),
+    motions: Motions,
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     contact: Option<&ContactPlan>,
 ) -> Result<Vec<Arc<Island>>, SceneError> {
     let n = mesh.points.len();
-    let is_free = |node: u32| motion[node as usize].iter().any(Motion::is_unknown);
+    let is_free = |node: u32| motions.motion[node as usize].iter().any(Motion::is_unknown);
     let mut parent: Vec<u32> = (0..n as u32).collect();
     let mut unite = |a: u32, b: u32| {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         parent[a.max(b) as usize] = a.min(b);
     };
-    for (node, m) in motion.iter().enumerate() {
-        for m in m {
-            for leader in m.leaders(slides, free) {
-                unite(node as u32, leader);
-            }
+    for node in 0..n as u32 {
+        for leader in motions.leaders(node) {
+            unite(node, leader);
         }
     }
     for term in terms.iter().filter(|t| t.couples) {
@@ -469,6 +491,11 @@ fn islands(
             groups[t].push(g as u32);
         }
     }
+    // What is a mean of nodes of an island moves with it, whether something acts on it or not.
+    let mut led = std::collections::BTreeMap::<u32, Vec<u32>>::new();
+    for node in (0..n as u32).filter(|&n| matches!(motions.motion[n as usize][0], Motion::Mean(_))) {
+        led.entry(root(&mut parent, node)).or_default().push(node);
+    }
     let mut islands = Vec::new();
     for (of, groups) in of_root {
         let members = contact.map_or(Vec::new(), |c| {
@@ -485,11 +512,11 @@ fn islands(
         islands.push(Arc::new(island(
             mesh,
             terms,
-            (motion, slides, free),
+            motions,
             pivots,
             n_controls,
             groups,
-            members,
+            (members, led.remove(&of).unwrap_or_default()),
         )?));
     }
     Ok(islands)
@@ -507,12 +534,13 @@ fn root(parent: &mut [u32], mut n: u32) -> u32 {
 fn island(
     mesh: &Mesh,
     terms: &[Term],
-    (motion, slides, free): (&[[Motion; 3]], &[Slide], &[FreeBody]),
+    motions: Motions,
     pivots: &Arc<Vec<[f64; 3]>>,
     n_controls: usize,
     groups: Vec<Vec<u32>>,
-    contact: Option<(&ContactPlan, &[usize])>,
+    (contact, led): (Option<(&ContactPlan, &[usize])>, Vec<u32>),
 ) -> Result<Island, SceneError> {
+    let Motions { motion, slides, free, .. } = motions;
     let members = |t: usize| {
         let m = terms[t].nodes_per_group;
         groups[t].iter().flat_map(move |&g| &terms[t].nodes[m * g as usize..m * (g as usize + 1)]).copied()
@@ -521,8 +549,10 @@ fn island(
     if let Some((plan, members)) = contact {
         members.iter().for_each(|&s| nodes.extend(&plan.surfaces[s].nodes));
     }
-    let leaders: Vec<u32> =
-        nodes.iter().flat_map(|&n| motion[n as usize]).flat_map(|m| m.leaders(slides, free)).collect();
+    nodes.extend(led);
+    nodes.sort_unstable();
+    nodes.dedup();
+    let leaders: Vec<u32> = nodes.iter().flat_map(|&n| motions.leaders(n)).collect();
     nodes.extend(leaders);
     nodes.sort_unstable();
     nodes.dedup();
@@ -531,8 +561,9 @@ fn island(
     let (mut effects, mut cells, mut name) = (Vec::new(), Vec::new(), None);
     for (t, term) in terms.iter().enumerate().filter(|(t, _)| !groups[*t].is_empty()) {
         let places: Vec<u32> = members(t).map(local).collect();
-        effects.push((term.build)(&term.name, &points, &places, &groups[t])?);
-        cells.push(groups[t].clone());
+        let effect = (term.build)(&term.name, &points, &places, &groups[t])?;
+        cells.push(effect.cells().map_or_else(|| groups[t].clone(), <[u32]>::to_vec));
+        effects.push(effect);
         name.get_or_insert(&term.name);
     }
     let mut sliding = std::collections::BTreeMap::new();
@@ -545,13 +576,9 @@ fn island(
             sliding.insert(i, slide);
         }
     }
-    let mean_of = |n: u32| match motion[n as usize][0] {
-        Motion::Rides(body) => Some(free[body].weights(mesh.points[n as usize])),
-        _ => None,
-    };
     let means = (0..).zip(&nodes).filter_map(|(i, &n)| {
-        let mean = mean_of(n)?;
-        Some((i, mean.map(|(of, w)| (local(of), w)).to_vec()))
+        let mean = motions.mean(n, mesh.points[n as usize])?;
+        Some((i, mean.into_iter().map(|(of, w)| (local(of), w)).collect()))
     });
     let means = means.collect();
     let motion = nodes.iter().map(|&n| {

@@ -223,7 +223,7 @@ impl<'a> Table<'a> {
                     Motion::Held => Along::Control(None),
                     Motion::Control(control, u) => Along::Control(Some((control, u))),
                     Motion::Follows(leader) => Along::Node(leader),
-                    Motion::Body(_) | Motion::Rides(_) | Motion::Slides(_) => {
+                    Motion::Body(_) | Motion::Rides(_) | Motion::Mean(_) | Motion::Slides(_) => {
                         let user = self.user[node as usize][c];
                         return Err(contradiction(node, oblique[0].2, user));
                     }

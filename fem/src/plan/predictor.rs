@@ -45,7 +45,7 @@ impl KinematicPredictor {
         for (n, motion) in motions.iter().enumerate() {
             let by_control = |m: &Motion| matches!(m, Motion::Control(..));
             match motion {
-                [Motion::Free, Motion::Free, Motion::Free] | [Motion::Rides(_), ..] => {}
+                [Motion::Free, Motion::Free, Motion::Free] | [Motion::Rides(_) | Motion::Mean(_), ..] => {}
                 &[m @ (Motion::Held | Motion::Body(_)), b, c] if b == m && c == m => {
                     let at = bodies.iter().position(|known| *known == m).unwrap_or_else(|| {
                         bodies.push(m);

@@ -76,7 +76,7 @@ fn moved(motion: &[Motion; 3], slides: &[Slide]) -> Option<BTreeMap<usize, Vecto
     for (c, m) in motion.iter().enumerate() {
         match m {
             Motion::Control(control, u) => by.entry(*control).or_insert_with(Vector3::zeros)[c] += u,
-            Motion::Body(_) | Motion::Rides(_) => return None,
+            Motion::Body(_) | Motion::Rides(_) | Motion::Mean(_) => return None,
             Motion::Slides(of) if c == 0 => {
                 slides[*of as usize]
                     .by

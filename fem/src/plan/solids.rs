@@ -2,8 +2,9 @@
 
 use super::SceneError;
 use super::term::{Builder, Names, Term, cells_of, check, unit};
+use super::grid::Clusters;
 use crate::effect::solid::{LawField, Solid};
-use crate::effect::{Effect, State, load::add_weight};
+use crate::effect::{Effect, EmbeddedSolid, State, load::add_weight};
 use crate::element::shape::{self, contract};
 use crate::element::{Formulation, Rule, SolidElement};
 use crate::material::*;
@@ -79,8 +80,13 @@ impl Restrict for UserField {
     }
 }
 
-/// The term of a solid region.
-pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, SceneError> {
+/// The term of a solid region; `clusters` where it is embedded in a grid.
+pub fn term(
+    spec: &SolidSpec,
+    mesh: &Mesh,
+    clusters: Option<&Clusters>,
+    names: &mut Names,
+) -> Result<Term, SceneError> {
     let user = format!("solid `{}`", spec.region);
     let block = cells_of(mesh, &spec.region, &user)?;
     check(&user, "density [kg/m^3]", spec.density, spec.density >= 0.0, "at least 0")?;
@@ -89,11 +95,18 @@ pub fn term(spec: &SolidSpec, mesh: &Mesh, names: &mut Names) -> Result<Term, Sc
     check_scale(&user, &spec.scale, block.n_cells())?;
     let build = match &spec.law {
         LawSpec::User(law) => {
-            build_for(block, &user, formulation, user_field(&user, law, mesh, block, names)?, spec)?
+            let field = user_field(&user, law, mesh, block, names)?;
+            build_for((block, clusters), &user, formulation, field, spec)?
         }
-        _ => build_for(block, &user, formulation, field(&user, &spec.law, mesh, block, names)?, spec)?,
+        _ => {
+            let field = field(&user, &spec.law, mesh, block, names)?;
+            build_for((block, clusters), &user, formulation, field, spec)?
+        }
     };
-    let (nodes_per_group, nodes) = (block.kind.n_nodes(), block.nodes.clone());
+    let (nodes_per_group, nodes) = match clusters {
+        Some(clusters) => (clusters.nodes_per_group, clusters.nodes.clone()),
+        None => (block.kind.n_nodes(), block.nodes.clone()),
+    };
     Ok(Term { name: spec.region.clone(), nodes_per_group, nodes, couples: true, build })
 }
 
@@ -186,13 +199,16 @@ fn sum(values: &[f64]) -> f64 {
 
 /// What makes the effect of a region of solid cells.
 fn build_for<F: Restrict + 'static>(
-    block: &CellBlock,
+    (block, clusters): (&CellBlock, Option<&Clusters>),
     user: &str,
     formulation: Formulation,
     field: F,
     spec: &SolidSpec,
 ) -> Result<Builder, SceneError> {
     let scale = spec.scale.clone();
+    if let Some(clusters) = clusters {
+        return Ok(embedded_builder(clusters.clone(), formulation, field, scale));
+    }
     Ok(match block.kind {
         CellKind::Hex8 => builder(shape::hex8, formulation, field, scale),
         CellKind::Tet4 => builder(shape::tet4, formulation, field, scale),
@@ -247,6 +263,27 @@ fn builder<L: Restrict + 'static, const N: usize, const G: usize>(
                 Err(SceneError::Shape { block: name.to_string(), cell: cells[at] as usize, det })
             }
         }
+    })
+}
+
+fn embedded_builder<L: Restrict + 'static>(
+    of: Clusters,
+    formulation: Formulation,
+    field: L,
+    scale: Vec<f64>,
+) -> Builder {
+    Box::new(move |name, _, nodes, groups| {
+        let pick = |g: &u32| of.clusters[*g as usize].clone();
+        let cells: Vec<u32> = groups.iter().flat_map(|&g| &of.cells[g as usize]).copied().collect();
+        let scale = cells.iter().filter_map(|&c| scale.get(c as usize).copied()).collect();
+        Ok(Box::new(EmbeddedSolid::new(
+            name,
+            (field.restrict(&cells), formulation, scale),
+            (of.nodes_per_group, nodes.to_vec()),
+            groups.iter().map(pick).collect(),
+            groups.iter().map(|&g| of.centroids[g as usize]).collect(),
+            cells,
+        )) as Box<dyn Effect>)
     })
 }
 

@@ -9,8 +9,10 @@ use std::sync::Arc;
 /// Marks a prescribed node in lists of free-node indices: its rows and columns are left out.
 pub const PRESCRIBED: u32 = u32::MAX;
 
-/// Groups whose matrices are held at once during assembly: about 5 MB for hex8.
-const GROUPS_AT_ONCE: usize = 1024;
+/// Groups whose matrices are held at once during assembly: about 5 MB for hex8, at most 40 MB where groups are large.
+fn groups_at_once(nodes_per_group: usize) -> usize {
+    (5_000_000 / (9 * nodes_per_group * nodes_per_group)).clamp(16, 1024)
+}
 
 /// Which pairs of free nodes are coupled. Symmetric; the diagonal is always there.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,9 +108,9 @@ impl Pattern {
         });
         let mut by_row = Vec::with_capacity(nodes.len());
         let mut batch_start = vec![0];
-        for (batch, nodes) in nodes.chunks(GROUPS_AT_ONCE * m).enumerate() {
+        for (batch, nodes) in nodes.chunks(groups_at_once(m) * m).enumerate() {
             let first = by_row.len();
-            let offset = batch * GROUPS_AT_ONCE * m;
+            let offset = batch * groups_at_once(m) * m;
             by_row.extend((0..nodes.len()).filter(|&a| nodes[a] != PRESCRIBED).map(|a| (offset + a) as u32));
             by_row[first..].sort_by_key(|&entry| nodes[entry as usize - offset]);
             batch_start.push(by_row.len());
@@ -178,10 +180,11 @@ impl Slots {
         mut add: impl FnMut(usize, &[u32], &[f64]),
     ) {
         let n_groups = self.n_groups();
-        let batch = batch.clamp(1, GROUPS_AT_ONCE);
-        let mut values = vec![0.0; size * n_groups.min(GROUPS_AT_ONCE)];
-        for (b, first) in (0..n_groups).step_by(GROUPS_AT_ONCE).enumerate() {
-            let values = &mut values[..size * (n_groups - first).min(GROUPS_AT_ONCE)];
+        let at_once = groups_at_once(self.nodes_per_group);
+        let batch = batch.clamp(1, at_once);
+        let mut values = vec![0.0; size * n_groups.min(at_once)];
+        for (b, first) in (0..n_groups).step_by(at_once).enumerate() {
+            let values = &mut values[..size * (n_groups - first).min(at_once)];
             values.par_chunks_mut(size * batch).enumerate().for_each(|(c, values)| {
                 values.fill(0.0);
                 fill(first + c * batch, values);
