@@ -139,7 +139,7 @@ fn embed_one(
         embedding.nodes.push(n);
         embedding.means.push(mean);
     }
-    let groups = clusters::assign(spec.dilatation, &lattice, &pieces, &filling, block, mesh);
+    let groups = clusters::assign(spec.dilatation, &lattice, &pieces, &filling, &elements, block, mesh);
     let bearers = |n: u32| match mean_of[n as usize] {
         Some(mean) => embedding.means[mean as usize].clone(),
         None => vec![(n, 1.0)],
