@@ -2,11 +2,12 @@
 
 #![allow(non_snake_case)]
 
+use fem::effect::EffectKind;
 use fem::measure::{Cut, section_force, solid_field};
 use fem::mesh::{Mesh, generate};
 use fem::plan::{LoadedIsland, Plan};
 use fem::run::Frame;
-use fem::scene::{DilatationSpec, EmbeddedSpec, ForceSpec, FormulationSpec, LawSpec, Scene, SolidSpec};
+use fem::scene::{DilatationSpec, EmbeddedSpec, ForceSpec, FormulationSpec, LawSpec, Scene, StrandSpec};
 use fem::solve::{BlockMatrix, Loading, Potential};
 use mesher::grid::{self, SectionKind, mean_size};
 use mesher::{Loft, MuscleSections, to_mesh};
@@ -36,7 +37,9 @@ fn linear(X: [f64; 3]) -> [f64; 3] {
 fn apart(mesh: &Mesh, a: &[f64], b: &[f64]) -> f64 {
     let n = 3 * mesh.points.len();
     let pairs = a[..n].chunks_exact(3).zip(b[..n].chunks_exact(3));
-    pairs.map(|(a, b)| (Vector3::from_column_slice(a) - Vector3::from_column_slice(b)).norm()).fold(0.0, f64::max)
+    pairs
+        .map(|(a, b)| (Vector3::from_column_slice(a) - Vector3::from_column_slice(b)).norm())
+        .fold(0.0, f64::max)
 }
 
 /// Blocks side by side as one region `block` of bodies that do not touch; the sets of each have its number before their names.
@@ -68,13 +71,17 @@ fn a_linear_field_is_held_whatever_the_grid() {
                 scene.prescribed.push(displaced(&mesh, "boundary", field));
                 let plan = plan(&scene, &mesh);
                 let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-12));
-                let exact: Vec<f64> =
-                    mesh.points.iter().flat_map(|&X| std::array::from_fn::<_, 3, _>(|c| X[c] + field(X)[c])).collect();
+                let exact: Vec<f64> = mesh
+                    .points
+                    .iter()
+                    .flat_map(|&X| std::array::from_fn::<_, 3, _>(|c| X[c] + field(X)[c]))
+                    .collect();
                 let off = apart(&mesh, &frame.x, &exact);
                 let cells = solid_field(&plan, frame.snapshot(), "block").expect("a solid");
                 assert_eq!(cells.len(), mesh.blocks[0].n_cells());
                 let scale = cells[0].cauchy.amax();
-                let spread = cells.iter().map(|c| (c.cauchy - cells[0].cauchy).amax()).fold(0.0, f64::max) / scale;
+                let spread =
+                    cells.iter().map(|c| (c.cauchy - cells[0].cauchy).amax()).fold(0.0, f64::max) / scale;
                 println!("{n} cells, {name}, cubes of {cell}: off by {off:.1e} m, stress {spread:.1e}");
                 assert!(off < 1e-9, "{name}, cubes of {cell} m: off the linear field by {off:.1e} m");
                 assert!(spread < 1e-8, "{name}, cubes of {cell} m: stress differs by {spread:.1e}");
@@ -98,11 +105,14 @@ fn a_grid_that_is_the_mesh_gives_what_the_mesh_gives() {
             let [a, b] = [&of_mesh, &of_grid].map(|plan| solve(plan, &[("load", 1.0)], &tolerance(1e-12)));
             let off = apart(&mesh, &a.x, &b.x);
             let cut = Cut { point: [0.05; 3], normal: [1.0, 0.0, 0.0], effects: vec![] };
-            let through = [(&of_mesh, &a), (&of_grid, &b)].map(|(p, f)| section_force(p, f.snapshot(), &cut).total.force[0]);
-            let stresses = [(&of_mesh, &a), (&of_grid, &b)].map(|(p, f)| solid_field(p, f.snapshot(), "block").unwrap());
+            let through = [(&of_mesh, &a), (&of_grid, &b)]
+                .map(|(p, f)| section_force(p, f.snapshot(), &cut).total.force[0]);
+            let stresses =
+                [(&of_mesh, &a), (&of_grid, &b)].map(|(p, f)| solid_field(p, f.snapshot(), "block").unwrap());
             let scale = stresses[0].iter().map(|c| c.cauchy.amax()).fold(0.0, f64::max);
             let [s, t] = stresses;
-            let stress = s.iter().zip(&t).map(|(s, t)| (s.cauchy - t.cauchy).amax()).fold(0.0, f64::max) / scale;
+            let stress =
+                s.iter().zip(&t).map(|(s, t)| (s.cauchy - t.cauchy).amax()).fold(0.0, f64::max) / scale;
             println!("{name}, {formulation:?}: {off:.1e} m, stress {stress:.1e}, {through:?} N");
             assert!(off < 1e-10 * 0.1, "{name}, {formulation:?}: off by {off:.1e} m");
             assert!(stress < 1e-9, "{name}, {formulation:?}: stress is off by {stress:.1e}");
@@ -189,7 +199,7 @@ fn finer_grids_come_down_to_the_mesh_and_one_dilatation_per_element_locks() {
     let mut last = [f64::INFINITY; 2];
     for (&cell, &[cube, element]) in CELLS.iter().zip(&all) {
         assert!(element < last[1], "cubes of {cell} m: {cube} and {element} after {last:?}");
-        assert!(cell == 0.02 || cube < last[0] , "cubes of {cell} m: {cube} and {element} after {last:?}");
+        assert!(cell == 0.02 || cube < last[0], "cubes of {cell} m: {cube} and {element} after {last:?}");
         assert!(element > 1.0 - 1e-9 && (cube - 1.0).abs() < 0.15);
         last = [cube, element];
         match cell {
@@ -243,7 +253,10 @@ fn a_cube_that_is_hardly_filled_does_no_harm() {
         let condition = eigenvalues.max() / eigenvalues.min();
         println!(
             "filled by {fraction}: {} nodes, {} of {} badly filled, condition {condition:.1e}, {} iterations, {force:.4} N",
-            region.nodes.len(), region.n_badly_filled, region.n_pieces, frame.islands[0].iterations
+            region.nodes.len(),
+            region.n_badly_filled,
+            region.n_pieces,
+            frame.islands[0].iterations
         );
         (condition, region.n_badly_filled, frame.islands[0].iterations, force)
     };
@@ -252,11 +265,23 @@ fn a_cube_that_is_hardly_filled_does_no_harm() {
     for fraction in [0.5, 0.3, 0.2, 0.1, 0.05, 0.01, 1e-3, 1e-5] {
         let (condition, n_bad, iterations, force) = of(fraction);
         bad += n_bad;
-        assert!(condition < 1e3 * whole.0, "filled by {fraction}: condition {condition:.1e} after {:.1e}", whole.0);
-        assert!(iterations <= whole.2 + 3, "filled by {fraction}: {iterations} iterations, {} without", whole.2);
+        assert!(
+            condition < 1e3 * whole.0,
+            "filled by {fraction}: condition {condition:.1e} after {:.1e}",
+            whole.0
+        );
+        assert!(
+            iterations <= whole.2 + 3,
+            "filled by {fraction}: {iterations} iterations, {} without",
+            whole.2
+        );
         // The section grows, and with it the force; corners that are not there any more make it no softer.
         let area = (1.0 + 0.5 * fraction).powi(2);
-        assert!(force > whole.3 && force < 1.15 * area * whole.3, "filled by {fraction}: {force} N of {}", whole.3);
+        assert!(
+            force > whole.3 && force < 1.15 * area * whole.3,
+            "filled by {fraction}: {force} N of {}",
+            whole.3
+        );
     }
     assert!(bad > 0);
 }
@@ -281,11 +306,14 @@ fn two_sheets_in_one_cube_move_apart() {
     assert!(moved("1_x_max") > 1e-3 && moved("0_x_max") < 1e-15);
 }
 
-/// What acts on the mesh acts on its nodes: a force on a node is in balance with the support.
+/// What acts on the mesh acts on its nodes: forces on nodes go through every section, partly along strands between nodes.
 #[test]
 fn forces_on_embedded_nodes_reach_the_support() {
-    let mesh = generate::block([8, 4, 4], [0.08, 0.04, 0.04]);
+    let mut mesh = generate::block([8, 4, 4], [0.08, 0.04, 0.04]);
+    generate::add_fibres(&mut mesh, "strands", [8, 4, 4], &[[1, 1], [2, 2], [3, 1]]);
     let mut scene = embedded(&scene_of(&mesh, mooney_rivlin(), None), "block", 0.02);
+    let (stiffness, toe, reference_strain) = (1.0, 0.01, 0.02);
+    scene.strands.push(StrandSpec { region: "strands".to_string(), stiffness, toe, reference_strain });
     scene.prescribed = vec![held("x_min", [true; 3])];
     let loads = mesh.node_sets["x_max"].iter().map(|&n| (n, [2e-3, 1e-3, 0.0])).collect();
     scene.forces.push(ForceSpec { name: "pull".to_string(), loads, control: "load".to_string() });
@@ -293,7 +321,9 @@ fn forces_on_embedded_nodes_reach_the_support() {
     let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-10));
     for at in [0.013, 0.041, 0.062] {
         let cut = Cut { point: [at, 0.0, 0.0], normal: [1.0, 0.0, 0.0], effects: vec![] };
-        let force = section_force(&plan, frame.snapshot(), &cut).total.force;
+        let section = section_force(&plan, frame.snapshot(), &cut);
+        let force = section.total.force;
+        assert!(section.along_of(EffectKind::Fibre, cut.normal) > 0.01);
         println!("through x = {at} m: {force:?} N");
         let off = (Vector3::from(force) - Vector3::new(0.05, 0.025, 0.0)).norm();
         assert!(off < 1e-8, "through x = {at} m: {force:?} N, applied 0.05, 0.025 N");
@@ -309,13 +339,24 @@ fn what_cannot_be_embedded_is_refused_with_its_remedy() {
         ("block", -0.01, &["cell [m] is -0.01, must be positive"]),
         ("block", f64::NAN, &["cell [m] is NaN, must be positive"]),
         ("block", f64::INFINITY, &["cell [m] is inf, must be positive"]),
-        ("block", 0.081, &["cubes of 81.000000 mm are larger than the region, whose greatest extent is 80.000 mm; take less"]),
-        ("block", 1e-9, &["would be more in a row than the region has nodes (225)", "take at least 20.000 mm"]),
+        (
+            "block",
+            0.081,
+            &[
+                "cubes of 81.000000 mm are larger than the region, whose greatest extent is 80.000 mm; take less",
+            ],
+        ),
+        (
+            "block",
+            1e-9,
+            &["would be more in a row than the region has nodes (225)", "take at least 20.000 mm"],
+        ),
         ("block", 1e-300, &["take at least 20.000 mm"]),
         ("block", 0.003, &["do not tell their corners apart", "twice the edge"]),
     ];
     for (region, cell, said) in cases {
-        let error = Plan::new(&embedded(&scene_of(&mesh, mooney_rivlin(), None), region, *cell), mesh.clone());
+        let error =
+            Plan::new(&embedded(&scene_of(&mesh, mooney_rivlin(), None), region, *cell), mesh.clone());
         let error = error.err().unwrap_or_else(|| panic!("{region}, {cell} m is accepted")).to_string();
         println!("{error}");
         said.iter().for_each(|said| assert!(error.contains(said), "{error} does not say {said}"));
@@ -336,7 +377,8 @@ fn vastus_intermedius(edge: f64) -> (Mesh, Vector3<f64>) {
     let sections = all.iter().find(|m| m.name == "vastus_intermedius").unwrap();
     let n = (mean_size(sections)[2] / edge).round() as usize;
     let layers = (0..=n).map(|i| i as f64 / n as f64).collect();
-    let block = grid::fill("muscle", &Loft::new(sections), &SectionKind::rings(sections, edge).grid(), layers);
+    let block =
+        grid::fill("muscle", &Loft::new(sections), &SectionKind::rings(sections, edge).grid(), layers);
     let (first, last) = (0..block.nodes_per_section as u32, (n * block.nodes_per_section) as u32);
     let way = block.centre_line();
     let mut mesh = to_mesh(std::slice::from_ref(&block));
@@ -348,7 +390,13 @@ fn vastus_intermedius(edge: f64) -> (Mesh, Vector3<f64>) {
 
 /// The muscle held at its origin, its insertion pulled by `stretch` and moved aside by `aside` of the length: force along the muscle and aside
 /// \[N\], unknowns, iterations, seconds.
-fn pulled(mesh: &Mesh, way: Vector3<f64>, cell: Option<f64>, [stretch, aside]: [f64; 2], factor: f64) -> [f64; 5] {
+fn pulled(
+    mesh: &Mesh,
+    way: Vector3<f64>,
+    cell: Option<f64>,
+    [stretch, aside]: [f64; 2],
+    factor: f64,
+) -> [f64; 5] {
     let along = way.normalize();
     let across = along.cross(&Vector3::z()).normalize();
     let mut scene = scene_of(mesh, mooney_rivlin(), None);

@@ -81,10 +81,7 @@ impl Island {
             }
         }
         let follower = |n: u32| {
-            n != NO_NODE
-                && motion[n as usize]
-                    .iter()
-                    .any(|m| !matches!(m, Motion::Free) && m.is_unknown())
+            n != NO_NODE && motion[n as usize].iter().any(|m| !matches!(m, Motion::Free) && m.is_unknown())
         };
         let free_of = |n: u32| if n == NO_NODE { PRESCRIBED } else { free[n as usize] };
         let mut tied = Vec::new();

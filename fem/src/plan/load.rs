@@ -67,7 +67,9 @@ impl Motion {
     /// Whether it is not prescribed altogether.
     pub fn is_unknown(&self) -> bool {
         match self {
-            Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_) | Motion::Mean(_) => true,
+            Motion::Free | Motion::Follows(_) | Motion::Slides(_) | Motion::Rides(_) | Motion::Mean(_) => {
+                true
+            }
             Motion::Held | Motion::Control(..) | Motion::Body(_) => false,
         }
     }

@@ -1,8 +1,8 @@
 //! Solid regions of a scene as terms: law and shape chosen once, so that the loops over elements do not ask.
 
 use super::SceneError;
-use super::term::{Builder, Names, Term, cells_of, check, unit};
 use super::grid::Clusters;
+use super::term::{Builder, Names, Term, cells_of, check, unit};
 use crate::effect::solid::{LawField, Solid};
 use crate::effect::{Effect, EmbeddedSolid, State, load::add_weight};
 use crate::element::shape::{self, contract};

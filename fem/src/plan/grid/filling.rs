@@ -55,7 +55,8 @@ impl Filling {
             }
             is_well.push(hold >= WELL_FILLED * best);
         }
-        let nearest = |start: &[u32], p: [f64; 3]| nearest_well(lattice, pieces, &at_corners, &is_well, start, p);
+        let nearest =
+            |start: &[u32], p: [f64; 3]| nearest_well(lattice, pieces, &at_corners, &is_well, start, p);
         let centre = |piece: usize| {
             let [low, .., high] = [0, 6].map(|i| lattice.place(Lattice::corners(pieces.cubes[piece])[i]));
             std::array::from_fn(|c| 0.5 * (low[c] + high[c]))
@@ -108,7 +109,8 @@ impl Filling {
                     Some(root) => {
                         let site = lattice.place(pieces.sites[corner as usize]);
                         let cube = pieces.cubes[root as usize];
-                        let of_root = pieces.corners[root as usize].into_iter().zip(lattice.weights(cube, site));
+                        let of_root =
+                            pieces.corners[root as usize].into_iter().zip(lattice.weights(cube, site));
                         of_root.for_each(|(corner, v)| *mean.entry(corner).or_default() += w * v);
                     }
                 }

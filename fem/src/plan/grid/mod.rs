@@ -81,7 +81,8 @@ pub fn embed(
     // Whom others follow must be there to be followed.
     let bare = Motions { motion, slides, free: &[], means: &[] };
     let mut is_own: Vec<bool> = motion.iter().map(|m| *m == [Motion::Free; 3]).collect();
-    let follows = |n: &u32| matches!(motion[*n as usize][0], Motion::Slides(_)) || has_follower(&motion[*n as usize]);
+    let follows =
+        |n: &u32| matches!(motion[*n as usize][0], Motion::Slides(_)) || has_follower(&motion[*n as usize]);
     for leader in (0..motion.len() as u32).filter(follows).flat_map(|n| bare.leaders(n)) {
         is_own[leader as usize] = false;
     }
@@ -126,7 +127,8 @@ fn embed_one(
     // What another grid has moves with that one.
     own.retain(|&n| is_own[n as usize] && mean_of[n as usize].is_none());
     let place_of = |n: &u32| own.binary_search(n).ok().map(|i| i as u32);
-    let elements: Vec<Vec<u32>> = block.cells().map(|cell| cell.iter().filter_map(place_of).collect()).collect();
+    let elements: Vec<Vec<u32>> =
+        block.cells().map(|cell| cell.iter().filter_map(place_of).collect()).collect();
     let places: Vec<[f64; 3]> = own.iter().map(|&n| mesh.points[n as usize]).collect();
     let pieces = Pieces::new(&lattice, &places, &elements);
     let volumes = clusters::volumes(block, mesh)?;
@@ -160,7 +162,12 @@ fn embed_one(
 }
 
 /// The grid about a region; refuses cubes larger than it, and so small that there are more than it has nodes.
-fn lattice_of(spec: &EmbeddedSpec, block: &CellBlock, mesh: &Mesh, nodes: &[u32]) -> Result<Lattice, SceneError> {
+fn lattice_of(
+    spec: &EmbeddedSpec,
+    block: &CellBlock,
+    mesh: &Mesh,
+    nodes: &[u32],
+) -> Result<Lattice, SceneError> {
     let refuse = |why: String| SceneError::Cube { region: spec.region.clone(), cell: spec.cell, why };
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for p in nodes.iter().map(|&n| mesh.points[n as usize]) {
