@@ -9,7 +9,7 @@ use coupling::comparison::SETTINGS;
 use coupling::fibres::alone::alone;
 use coupling::fibres::muscle_unit::MuscleUnit;
 use coupling::fibres::thermal_calibration::FibreCurve;
-use coupling::fibres::{Calibration, driven_fibres};
+use coupling::fibres::{FibreCalibration, driven_fibres};
 use coupling::optimize::{OptimizeOptions, optimize};
 use coupling::scene::Fibres;
 use coupling::scene::StepName;
@@ -437,7 +437,7 @@ fn hill_fibres_are_calibrated_alone_and_never_on_a_step() {
             None,
         );
         let fibres = fibres.unwrap();
-        let Calibration::Hill { muscles, .. } = fibres.calibration else { panic!("Hill fibres") };
+        let FibreCalibration::Hill { muscles, .. } = fibres.calibration.fibres else { panic!("Hill fibres") };
         (muscles, fibres.controls)
     };
     let (muscles, controls) = calibrate(&[step(StepName::HeelStrike), step(StepName::LoadingResponse)]);

@@ -9,7 +9,9 @@ use fem::plan::Plan;
 use fem::run::Frame;
 use nalgebra::Vector3;
 
-use crate::fibres::Calibration;
+use crate::fibres::matrix_factor::MatrixFactor;
+use crate::fibres::{Calibration, FibreCalibration};
+use crate::number::short;
 use crate::steps::RigidStep;
 use crate::thigh::build::Thigh;
 use crate::thigh::section::belly_force;
@@ -60,7 +62,7 @@ pub fn explain(
             _ => r.lines.iter().map(|l| l.f_max * l.direction()).sum(),
         });
         let (mut passive, mut rigid_passive, mut length_ratio) = (tissue, None, None);
-        if let (Calibration::Hill { muscles, units, scale }, Some(rigid)) = (calibration, rigid) {
+        if let (FibreCalibration::Hill { muscles, units, scale }, Some(rigid)) = (&calibration.fibres, rigid) {
             let stretch = thigh.fibre_stretch(i, at.x);
             let shift = (stretch - muscles[i].fit.rest) * muscle.fibre_length / scale;
             passive += units[i].force(shift, 0.0);
@@ -106,11 +108,22 @@ pub fn write_rows(
     Ok(())
 }
 
+/// `embedded.csv`: how the matrix of every embedded muscle was softened.
+pub fn write_factors(w: &mut dyn Write, factors: &[MatrixFactor]) -> io::Result<()> {
+    writeln!(w, "muscle,cell_mm,matrix_factor,mesh_N,grid_N,softened_N,unknowns_of_mesh,unknowns_of_grid")?;
+    for f in factors {
+        let MatrixFactor { muscle, cell, factor, of_mesh, of_grid, softened, unknowns: [mesh, grid] } = f;
+        let cell = short(cell * 1e3);
+        writeln!(w, "{muscle},{cell},{factor:.4},{of_mesh:.4},{of_grid:.4},{softened:.4},{mesh},{grid}")?;
+    }
+    Ok(())
+}
+
 /// `calibration.csv`: what was found about every muscle alone.
 pub fn write_calibration(w: &mut dyn Write, thigh: &Thigh, calibration: &Calibration) -> io::Result<()> {
-    match calibration {
-        Calibration::None => Ok(()),
-        Calibration::Thermal(curves) => {
+    match &calibration.fibres {
+        FibreCalibration::None => Ok(()),
+        FibreCalibration::Thermal(curves) => {
             writeln!(w, "muscle,contraction,force_N")?;
             for (muscle, curve) in thigh.muscles.iter().zip(curves) {
                 for (contraction, force) in curve.contraction.iter().zip(&curve.force) {
@@ -119,7 +132,7 @@ pub fn write_calibration(w: &mut dyn Write, thigh: &Thigh, calibration: &Calibra
             }
             Ok(())
         }
-        Calibration::Hill { muscles, .. } => {
+        FibreCalibration::Hill { muscles, .. } => {
             writeln!(
                 w,
                 "muscle,rest_stretch,gain,posture,activation,stretch,rigid_N,rigid_at_fe_length_N,fe_N,error_N"

@@ -24,7 +24,7 @@ use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::fibres::cache::{Cache, content_hash};
 use crate::fibres::muscle_unit::{Fit, MOST_ACTIVE};
-use crate::fibres::{Calibration, DrivenFibres, driven_fibres};
+use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, driven_fibres};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
 use crate::steps::{RigidStep, rigid_step};
@@ -209,6 +209,7 @@ impl Sized {
         let Scene { resolution, inset, muscles, .. } = &self.scene;
         let mut thigh = draft(limb.clone(), *resolution, *inset, muscles, effects(&self.scene))?;
         self.scene.materials.apply(&mut thigh).map_err(CouplingError::Option)?;
+        self.scene.fidelity.apply(&mut thigh);
         Ok(thigh)
     }
 }
@@ -240,6 +241,7 @@ impl Prepared {
             .transpose()?;
         if let Some(made) = &mut made {
             scene.materials.apply(&mut made.thigh).map_err(CouplingError::Option)?;
+            scene.fidelity.apply(&mut made.thigh);
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
@@ -309,7 +311,7 @@ impl Prepared {
         lap: &mut dyn FnMut(&str),
     ) -> Result<Ready, CouplingError> {
         let thigh = self.thigh.clone();
-        let calibration = Calibration::None;
+        let calibration = Calibration::default();
         let mut ready =
             Ready { thigh, calibration, controls: Vec::new(), plans: PerConfiguration::default() };
         if self.made.is_none() {
@@ -398,8 +400,8 @@ impl Prepared {
         scheme: Scheme,
         most: usize,
     ) -> Result<Coupling, CouplingError> {
-        let (Calibration::Hill { muscles, units, scale }, Some(solution)) =
-            (&comparison.calibration, &comparison.solutions[configuration])
+        let (FibreCalibration::Hill { muscles, units, scale }, Some(solution)) =
+            (&comparison.calibration.fibres, &comparison.solutions[configuration])
         else {
             let why =
                 format!("two-way coupling needs Hill fibres and the one-way result {}", configuration.name());

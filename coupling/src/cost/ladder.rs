@@ -328,9 +328,9 @@ fn said(error: &InputError) -> String {
 /// An error names what may be meant.
 fn known_key(key: &str) -> Result<(), String> {
     let keys = || {
-        SCENE_KEYS.iter().filter(|k| {
-            !k.is_section() && !k.path.starts_with("materials.muscle.") && !k.path.starts_with("step.")
-        })
+        // Entries of a list have no value of their own.
+        let is_of_a_list = |k: &Key| ["materials.muscle.", "step.", "fidelity."].iter().any(|s| k.path.starts_with(s));
+        SCENE_KEYS.iter().filter(move |k| (!k.is_section() || k.path == "fidelity") && !is_of_a_list(k))
     };
     if keys().any(|k| k.path == key) {
         return Ok(());

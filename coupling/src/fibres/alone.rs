@@ -28,6 +28,7 @@ pub fn alone(thigh: &Thigh, muscle: usize) -> Thigh {
 
     let mut scene = thigh.scene.clone();
     scene.solids.retain(|s| is_own(&s.region));
+    scene.embedded.retain(|e| is_own(&e.region));
     scene.fibres.retain(|f| is_own(&f.name));
     scene.membranes.retain(|m| is_own(&m.region));
     scene.strands.retain(|s| is_own(&s.region));

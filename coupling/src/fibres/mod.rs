@@ -5,6 +5,7 @@
 pub mod alone;
 pub mod cache;
 pub mod hill_calibration;
+pub mod matrix_factor;
 pub mod muscle_unit;
 pub mod thermal_calibration;
 
@@ -15,6 +16,7 @@ use multibody::muscle::hill;
 use crate::comparison::compare::{CompareError, wanted};
 use crate::fibres::cache::Cache;
 use crate::fibres::hill_calibration::{Calibrated, Posture, calibrate_hill, with_laws};
+use crate::fibres::matrix_factor::{MatrixFactor, matrix_factors, soften};
 use crate::fibres::muscle_unit::{Fit, MuscleUnit};
 use crate::fibres::thermal_calibration::{CalibrationError, FibreCurve, calibrate};
 use crate::number::short;
@@ -27,8 +29,19 @@ use crate::thigh::registration::Registration;
 const POSTURES: [[f64; 2]; 2] = [[-10.0, 10.0], [15.0, 40.0]];
 
 /// What a calibration found.
-pub enum Calibration {
-    /// There are no fibres.
+#[derive(Default)]
+pub struct Calibration {
+    /// Of embedded muscles.
+    pub matrix: Vec<MatrixFactor>,
+    /// Of the fibres.
+    pub fibres: FibreCalibration,
+}
+
+/// What a calibration found of the fibres.
+#[derive(Default)]
+pub enum FibreCalibration {
+    /// There are none.
+    #[default]
     None,
     /// Thermal fibres: force over contraction, per muscle.
     Thermal(Vec<FibreCurve>),
@@ -47,6 +60,9 @@ pub enum Calibration {
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WrittenCalibration {
+    /// Of embedded muscles.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub matrix: Vec<MatrixFactor>,
     /// Of Hill fibres, per muscle.
     pub hill: Vec<Calibrated>,
     /// Of thermal fibres, per muscle.
@@ -56,13 +72,14 @@ pub struct WrittenCalibration {
 impl Calibration {
     /// What has to be written down of it.
     pub fn written(&self) -> WrittenCalibration {
-        match self {
-            Calibration::None => WrittenCalibration::default(),
-            Calibration::Thermal(curves) => {
-                WrittenCalibration { thermal: curves.clone(), ..Default::default() }
+        let matrix = self.matrix.clone();
+        match &self.fibres {
+            FibreCalibration::None => WrittenCalibration { matrix, ..Default::default() },
+            FibreCalibration::Thermal(curves) => {
+                WrittenCalibration { matrix, thermal: curves.clone(), ..Default::default() }
             }
-            Calibration::Hill { muscles, .. } => {
-                WrittenCalibration { hill: muscles.clone(), ..Default::default() }
+            FibreCalibration::Hill { muscles, .. } => {
+                WrittenCalibration { matrix, hill: muscles.clone(), ..Default::default() }
             }
         }
     }
@@ -78,7 +95,7 @@ pub struct DrivenFibres {
     pub controls: Vec<Vec<f64>>,
 }
 
-/// Calibrates the fibres of a thigh without contact and finds the controls of the steps. What `cache` has is not computed.
+/// Calibrates a thigh without contact, the matrix of embedded muscles first, and finds the controls of the steps. What `cache` has is not computed.
 pub fn driven_fibres(
     thigh: &Thigh,
     model: &Model,
@@ -89,14 +106,21 @@ pub fn driven_fibres(
     settings: &Settings,
     cache: Option<&Cache>,
 ) -> Result<DrivenFibres, CompareError> {
-    match kind {
-        Fibres::None => {
-            let controls = vec![vec![0.0; thigh.muscles.len()]; steps.len()];
-            Ok(DrivenFibres { thigh: thigh.clone(), calibration: Calibration::None, controls })
-        }
-        Fibres::Thermal => thermal(thigh, steps, settings, cache),
-        Fibres::Hill => hill(thigh, model, registration, steps, stress_free, settings, cache),
-    }
+    let matrix = matrix_factors(thigh, settings, cache)?;
+    let mut thigh = thigh.clone();
+    soften(&mut thigh, &matrix);
+    let mut driven = match kind {
+        Fibres::None => Ok(without_fibres(thigh, steps)),
+        Fibres::Thermal => thermal(&thigh, steps, settings, cache),
+        Fibres::Hill => hill(&thigh, model, registration, steps, stress_free, settings, cache),
+    }?;
+    driven.calibration.matrix = matrix;
+    Ok(driven)
+}
+
+fn without_fibres(thigh: Thigh, steps: &[RigidStep]) -> DrivenFibres {
+    let controls = vec![vec![0.0; thigh.muscles.len()]; steps.len()];
+    DrivenFibres { thigh, calibration: Calibration::default(), controls }
 }
 
 /// [`driven_fibres`] of a calibration that was written down; `None` where it is not one of these muscles and this kind.
@@ -109,28 +133,28 @@ pub fn written_fibres(
     kind: Fibres,
     written: WrittenCalibration,
 ) -> Option<Result<DrivenFibres, CompareError>> {
-    let WrittenCalibration { hill, thermal: curves } = written;
-    match kind {
-        Fibres::None => Some(driven_fibres(
-            thigh,
-            model,
-            registration,
-            steps,
-            stress_free,
-            kind,
-            &Settings::default(),
-            None,
-        )),
+    let WrittenCalibration { matrix, hill, thermal: curves } = written;
+    let in_grids = thigh.scene.embedded.iter().map(|e| (&e.region, e.cell));
+    if !in_grids.eq(matrix.iter().map(|m| (&m.muscle, m.cell))) {
+        return None;
+    }
+    let mut thigh = thigh.clone();
+    soften(&mut thigh, &matrix);
+    let driven = match kind {
+        Fibres::None => Some(Ok(without_fibres(thigh, steps))),
         Fibres::Thermal => {
-            (curves.len() == thigh.muscles.len()).then(|| driven_thermal(thigh, curves, steps))
+            (curves.len() == thigh.muscles.len()).then(|| driven_thermal(&thigh, curves, steps))
         }
         Fibres::Hill => {
             let same = hill.iter().map(|m| &m.muscle).eq(thigh.muscles.iter().map(|m| &m.name));
             let names: Vec<&str> = thigh.muscles.iter().map(|m| m.name.as_str()).collect();
             let units = units_as_meshed(&names, model, registration, steps, stress_free);
-            same.then(|| driven_hill(thigh, units, scale(registration), hill, steps))
+            same.then(|| driven_hill(&thigh, units, scale(registration), hill, steps))
         }
-    }
+    };
+    driven.map(|driven| {
+        driven.map(|of| DrivenFibres { calibration: Calibration { matrix, ..of.calibration }, ..of })
+    })
 }
 
 /// The units of muscles in the posture for which the mesh is taken.
@@ -181,7 +205,8 @@ fn driven_thermal(
     };
     let of_step = |forces: &Vec<f64>| forces.iter().enumerate().map(contraction).collect::<Result<_, _>>();
     let controls = forces.iter().map(of_step).collect::<Result<_, _>>()?;
-    Ok(DrivenFibres { thigh: thigh.clone(), calibration: Calibration::Thermal(curves), controls })
+    let calibration = Calibration { fibres: FibreCalibration::Thermal(curves), ..Calibration::default() };
+    Ok(DrivenFibres { thigh: thigh.clone(), calibration, controls })
 }
 
 fn hill(
@@ -232,5 +257,6 @@ fn driven_hill(
         };
         controls.push(thigh.muscles.iter().zip(&units).map(drive).collect::<Result<Vec<f64>, _>>()?);
     }
-    Ok(DrivenFibres { thigh, calibration: Calibration::Hill { muscles, units, scale }, controls })
+    let fibres = FibreCalibration::Hill { muscles, units, scale };
+    Ok(DrivenFibres { thigh, calibration: Calibration { fibres, ..Calibration::default() }, controls })
 }

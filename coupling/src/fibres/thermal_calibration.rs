@@ -79,6 +79,21 @@ pub enum CalibrationError {
         /// Tension of the fibres over force through the belly.
         gain: f64,
     },
+    /// No factor on the matrix of an embedded muscle gives the force of its mesh.
+    #[error(
+        "calibration of `{muscle}`: in its grid it resists with {of_grid:.2} N, its mesh with {of_mesh:.2} N, and no factor on its matrix makes them \
+         equal (last {last:.2} N); take smaller cubes"
+    )]
+    Factor {
+        /// The muscle.
+        muscle: String,
+        /// Force of its mesh \[N\].
+        of_mesh: f64,
+        /// Force of its grid \[N\].
+        of_grid: f64,
+        /// Force with the last factor tried \[N\].
+        last: f64,
+    },
     /// A force that no activation explains.
     #[error("`{muscle}`: no activation up to 1.8 makes the {wanted:.0} N of the Hill model at its length")]
     BeyondHill {

@@ -10,6 +10,7 @@ use multibody::keys::{Key, key, likeness, top_keys};
 use multibody::trial_file;
 
 use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
+use super::fidelity::{CELLS, LEVELS};
 use super::{DISTANCES, FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS, STEPS};
 
 /// What a material constant may be.
@@ -66,6 +67,11 @@ pub const KEYS: &[Key] = &[
     key("materials.muscle.aponeurosis_shear_modulus_kpa", of(SHELL), Optional("that of all muscles"), "kPa", "Shear modulus of the shell", "7.5"),
     key("materials.muscle.tendon_modulus_mpa", of(TENDON), Optional("that of all muscles"), "MPa", "Young's modulus of tendons along their fibres", "1200.0"),
     key("materials.muscle.tendon_section_mm2", of(SECTION), Optional("that of all muscles"), "mm²", "Section of a tendon of strands, per attachment", "30.0"),
+
+    key("fidelity", Sections, Optional("the mesh of every muscle is simulated"), "", "How much of a muscle is simulated; what matters less costs less", ""),
+    key("fidelity.muscle", Text, Required, "", "Which muscle, as in `muscles`", "\"vastus_medialis\""),
+    key("fidelity.level", Word(&LEVELS), Required, "", "Its mesh; its mesh in a coarse grid of cubes, whose corners move it; or its lines of action on the rigid leg alone", "\"embedded\""),
+    key("fidelity.cell_mm", Number(*CELLS.start(), *CELLS.end()), Optional("only embedded muscles have it"), "mm", "Edge of a cube: at least twice the edges of the mesh", "30.0"),
 
     key("step", Sections, Optional("heel strike and loading response"), "", "Steps of the gait cycle that are solved", ""),
     key("step.name", Word(&STEPS), Required, "", "Which step; cycle_N is N % of the cycle, or of the reported frames", "\"heel_strike\""),

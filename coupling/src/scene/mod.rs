@@ -3,6 +3,7 @@
 //! Every key, with its default and meaning, is a row of [`KEYS`]; `sartorius template scene` writes them all, and docs/keys.md is their page.
 //! Files are looked for beside the scene, then in `--data`.
 
+pub mod fidelity;
 mod keys;
 pub mod materials;
 mod resolved;
@@ -26,6 +27,7 @@ pub use keys::{KEYS, TomlKind, wanted};
 use crate::configuration::PerConfiguration;
 use crate::source::Source;
 use crate::thigh::lines::lines_of_muscles;
+use fidelity::{Fidelity, FidelityEntry};
 use materials::{Materials, MaterialsEntry};
 
 /// Target edge lengths that are meshed \[mm\].
@@ -205,6 +207,8 @@ pub struct Scene {
     pub contact: Option<ContactMode>,
     /// Guarded: distance \[m\] below which surfaces repel each other. Cheap: depth at which a layer of that thickness would be pressed flat.
     pub contact_distance: f64,
+    /// Muscles that are in grids, or lines alone.
+    pub fidelity: Fidelity,
     /// Material constants that the scene gives.
     pub materials: Materials,
     /// Steps, in the order of time.
@@ -231,6 +235,8 @@ struct SceneFile {
     effects: EffectsEntry,
     #[serde(default)]
     materials: MaterialsEntry,
+    #[serde(default)]
+    fidelity: Vec<FidelityEntry>,
     step: Option<Vec<StepEntry>>,
 }
 
@@ -321,7 +327,8 @@ impl SceneFile {
         let controller = controller.map(|unit| wrong.keep(at.existing("controller", unit, &folders, None)));
         let surfaces = self.surfaces.as_ref();
         let surfaces = surfaces.map(|s| wrong.keep(at.existing("surfaces", s, &folders, None)));
-        let muscles = self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
+        let mut muscles =
+            self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
         let stress_free = self.stress_free.as_ref().map_or(StressFree::default(), |s| *s.get_ref());
         let mut steps = at.steps(self.step.as_deref(), wrong);
         steps.sort_by(|a, b| a.name.fraction().total_cmp(&b.name.fraction()));
@@ -332,6 +339,11 @@ impl SceneFile {
             wrong.note(at.bad(line, "stress_free", "heel_strike without that step", remedy));
         }
         let shells = self.effects.shells.unwrap_or(true);
+        let mut all = (true, Vec::new());
+        let of_entry = muscles.as_mut().unwrap_or(&mut all);
+        let fidelity = Fidelity::check(&self.fidelity, of_entry, &mut |byte, key, value, remedy| {
+            wrong.note(at.bad_at(byte, key, value, remedy));
+        });
         let simulated = muscles.as_ref().map_or(&[][..], |m| m.1.as_slice());
         let materials = self.materials.check(simulated, shells, &mut |byte, key, value, remedy| {
             wrong.note(at.bad(at.line(byte), key, value, remedy));
@@ -349,6 +361,7 @@ impl SceneFile {
         let newton_only = [
             ("accuracy.check_stability", accuracy.check_stability == Some(true)),
             ("accuracy.strict_steps", accuracy.strict_steps.is_some()),
+            ("level = \"embedded\"", !fidelity.embedded.is_empty()),
         ];
         let method = self.solver.method.as_ref().filter(|m| *m.get_ref() != Method::Newton);
         for (key, _) in newton_only.into_iter().filter(|(_, asked)| method.is_some() && *asked) {
@@ -386,6 +399,7 @@ impl SceneFile {
                 ContactChoice::Cheap => Some(ContactMode::Cheap),
                 ContactChoice::None => None,
             },
+            fidelity,
             materials,
             steps,
         })

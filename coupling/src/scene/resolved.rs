@@ -32,6 +32,11 @@ impl Scene {
             let simulated = |m: &Value| self.muscles.iter().any(|name| m["name"].as_str() == Some(name));
             of.retain(simulated);
         }
+        // What the command line took out is in no grid, and what it put in is no line.
+        if let (Some(Value::Array(levels)), false) = (keys.get_mut("fidelity"), self.muscles.is_empty()) {
+            let simulated = |m: &Value| self.muscles.iter().any(|name| m["muscle"].as_str() == Some(name));
+            levels.retain(|m| simulated(m) != (m["level"].as_str() == Some("line")));
+        }
         keys.insert("resolution_mm".into(), in_millimetres(self.resolution).into());
         keys.entry("inset_mm").or_insert(in_millimetres(self.inset).into());
         keys.insert("stress_free".into(), Value::try_from(self.stress_free).expect("a word"));

@@ -56,10 +56,12 @@ impl Scene {
             format!("of the unit {}", unit.file_name().unwrap_or_default().to_string_lossy())
         });
         let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
+        let in_grids = self.fidelity.in_words();
         let of_thigh = |(label, _): &(&str, String)| match *label {
             "Trial" | "Thigh" | "Steps" => true,
             "Inset of the muscles" => self.deformable && self.inset > 0.0,
             "Activations" => self.deformable && self.controller.is_some(),
+            "Muscles in grids" => self.deformable && in_grids.is_some(),
             _ => self.deformable,
         };
         [
@@ -71,6 +73,7 @@ impl Scene {
                 "Inset of the muscles",
                 format!("by up to {} mm, a third of thickness and width left", short(self.inset * 1e3)),
             ),
+            ("Muscles in grids", in_grids.clone().unwrap_or_default()),
             (
                 "Residual",
                 format!(
@@ -113,6 +116,11 @@ impl Scene {
         simulated.push(format!(
             "{n} muscles as hexahedra of mean dilatation, Mooney-Rivlin matrix, stiffer towards the ends; tied to bone where they grow from it."
         ));
+        if let Some(which) = self.fidelity.in_words() {
+            simulated.push(format!(
+                "Of these in coarse grids of cubes, whose corners move them: {which}; their matrix softened until each alone resists as its mesh does."
+            ));
+        }
         simulated.push("Bones as rigid bodies that follow the rigid leg.".into());
         let fans = thigh.scene.strands.iter().filter(|s| is_strands(&s.region)).count();
         if fans > 0 {
@@ -149,16 +157,15 @@ impl Scene {
             (Some(_), false) => leave("contact", "not asked for in this run"),
             (None, _) => leave("contact", "the scene has `contact = \"none\"`: every muscle is solved alone"),
         }
-        if n < all.len() {
-            let names: Vec<String> = all
-                .keys()
-                .filter(|name| thigh.muscles.iter().all(|m| m.name != **name))
-                .map(|name| name.replace('_', " "))
-                .collect();
-            leave(
-                &format!("{} muscles of the thigh", all.len() - n),
-                &format!("the scene does not name them: {}", names.join(", ")),
-            );
+        let (lines_alone, unnamed): (Vec<&String>, Vec<&String>) = all
+            .keys()
+            .filter(|name| thigh.muscles.iter().all(|m| m.name != **name))
+            .partition(|name| self.fidelity.lines.contains(*name));
+        for (names, why) in [(lines_alone, "lines of the rigid leg alone"), (unnamed, "the scene does not name them")] {
+            let said: Vec<String> = names.iter().map(|name| name.replace('_', " ")).collect();
+            if !said.is_empty() {
+                leave(&format!("{} muscles of the thigh", said.len()), &format!("{why}: {}", said.join(", ")));
+            }
         }
         leave(
             &format!("the other {} lines of the rigid leg", 43 - lines),

@@ -18,7 +18,7 @@ use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::fibres::cache::lasting_hash;
 use crate::fibres::muscle_unit::MOST_ACTIVE;
-use crate::fibres::{Calibration, DrivenFibres, WrittenCalibration, written_fibres};
+use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, WrittenCalibration, written_fibres};
 use crate::scene::Fibres;
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::BODIES;
@@ -381,7 +381,9 @@ impl ThighSession {
         let one = |(m, action): (usize, &crate::two_way::capacity::MuscleAction)| {
             let muscle = &side.thigh.muscles[m];
             let (mut elongation, mut through_belly) = (0.0, None);
-            if let (Calibration::Hill { muscles, units, scale }, true) = (&side.calibration, has_fibres) {
+            if let (FibreCalibration::Hill { muscles, units, scale }, true) =
+                (&side.calibration.fibres, has_fibres)
+            {
                 elongation = (action.stretch - muscles[m].fit.rest) * muscle.fibre_length / scale;
                 let (capacity, says) = seen_capacity(action, &units[m], elongation, self.drive(m));
                 through_belly = says[2].then_some(capacity.through_belly);

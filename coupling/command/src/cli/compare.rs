@@ -18,10 +18,10 @@ use crate::output::run::{RunRecord, RunStatus, Size};
 use crate::report::compare::CompareReport;
 use coupling::comparison::compare::MuscleForce;
 use coupling::comparison::estimate::{Expected, Work};
-use coupling::comparison::explain::write_calibration;
+use coupling::comparison::explain::{write_calibration, write_factors};
 use coupling::comparison::{Comparison, Prepared, STAGES, Sized};
 use coupling::configuration::{Configuration, PerConfiguration};
-use coupling::number::plain;
+use coupling::number::{plain, short};
 use coupling::scene::StressFree;
 use coupling::scene::{Fibres, RESOLUTIONS, Scene, known_muscle};
 use coupling::subject::words;
@@ -307,6 +307,12 @@ pub(super) fn carry_out(
     out.write("explanation.csv", |w| comparison.write_explanations(w))?;
     out.write("quantities.csv", |w| comparison.write_quantities(w))?;
     out.write("calibration.csv", |w| write_calibration(w, &comparison.thigh, &comparison.calibration))?;
+    let factors = &comparison.calibration.matrix;
+    if factors.is_empty() {
+        out.remove("embedded.csv")?;
+    } else {
+        out.write("embedded.csv", |w| write_factors(w, factors))?;
+    }
     if two_way.is_some() {
         out.write("passes.csv", |w| write_passes(w, &comparison.steps, &passes))?;
         out.write("missing_moments.csv", |w| {
@@ -474,6 +480,17 @@ fn print(
         }
     }
     writeln!(w)?;
+    for m in &report.comparison.calibration.matrix {
+        writeln!(
+            w,
+            "  {} in a grid of {} mm: matrix times {:.3}, {} unknowns in place of {}",
+            m.muscle,
+            short(m.cell * 1e3),
+            m.factor,
+            m.unknowns[1],
+            m.unknowns[0]
+        )?;
+    }
     for note in report.notes {
         writeln!(w, "  note: {note}")?;
     }

@@ -6,7 +6,8 @@ use super::{CompareReport, words};
 use crate::report::anatomy::hue;
 use crate::report::page::{section, table};
 use crate::report::svg::{Ticks, escape, fixed, px, rows, significant};
-use coupling::fibres::Calibration;
+use coupling::fibres::FibreCalibration;
+use coupling::number::short;
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 330.0;
@@ -25,9 +26,9 @@ struct Series {
 /// Curves of thermal fibres, or forces found beside forces wanted of Hill fibres.
 pub(super) fn section_of(report: &CompareReport) -> String {
     let title = "Fibre calibration";
-    match &report.comparison.calibration {
-        Calibration::None => String::new(),
-        Calibration::Thermal(curves) => {
+    match &report.comparison.calibration.fibres {
+        FibreCalibration::None => String::new(),
+        FibreCalibration::Thermal(curves) => {
             let series =
                 curves.iter().enumerate().filter(|(_, c)| c.force.len() > 1).map(|(muscle, c)| Series {
                     muscle,
@@ -43,7 +44,7 @@ pub(super) fn section_of(report: &CompareReport) -> String {
             let lead = "Every muscle alone, held in the posture of the mesh: which contraction of its fibres makes which force. The wanted force is looked up; muscles that are at rest in all steps have no curve.";
             section(title, lead, &figure)
         }
-        Calibration::Hill { muscles, .. } => {
+        FibreCalibration::Hill { muscles, .. } => {
             let series: Vec<Series> = muscles
                 .iter()
                 .enumerate()
@@ -154,6 +155,39 @@ fn figure(report: &CompareReport, all: &[Series], labels: [&str; 2], diagonal: b
     }
     out.push_str("</svg></figure>");
     out
+}
+
+/// How the matrix of embedded muscles was softened; nothing without any.
+pub(super) fn grids(report: &CompareReport) -> String {
+    let rows: Vec<Vec<String>> = report
+        .comparison
+        .calibration
+        .matrix
+        .iter()
+        .map(|m| {
+            vec![
+                words(&m.muscle),
+                short(m.cell * 1e3),
+                m.unknowns[0].to_string(),
+                m.unknowns[1].to_string(),
+                significant(m.of_mesh, 3),
+                significant(m.of_grid, 3),
+                fixed(m.factor, 3),
+            ]
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    section(
+        "Muscles in grids",
+        "Every muscle alone, passive, drawn out by a tenth of its length: what its mesh resists with, what its grid resists with, and the factor on its matrix that makes them equal.",
+        &table(
+            &["Muscle", "Cube, mm", "Unknowns of the mesh", "of the grid", "Mesh, N", "Grid, N", "Factor"],
+            1,
+            &rows,
+        ),
+    )
 }
 
 /// Passes of two-way coupling; nothing without.

@@ -224,6 +224,7 @@ pub fn compare_page(report: &CompareReport) -> String {
         tables::explanations(report),
         calibration::passes(report),
         calibration::section_of(report),
+        calibration::grids(report),
         convergence::section_of(report),
         cost::section_of(report),
         section("What was simulated and what was left out", "", &details),
