@@ -274,7 +274,8 @@ fn a_plan_counts_on_a_draft_what_the_mesh_will_have() {
         }
         assert!((draft.operations / mesh.operations - 1.0).abs() < 0.05);
     }
-    let elements = |thigh: &Thigh| Expected::of(&prepared.scene, thigh, PerConfiguration::default(), None).elements;
+    let elements =
+        |thigh: &Thigh| Expected::of(&prepared.scene, thigh, PerConfiguration::default(), None).elements;
     assert_eq!(elements(&thigh), elements(&prepared.thigh));
     assert_eq!(thigh.tendons.len(), 3);
 }

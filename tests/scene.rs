@@ -62,6 +62,7 @@ fn a_scene_is_read_and_compiled() {
             "patch pressures",
             "forces",
             "free bodies",
+            "embedded regions",
             "contact"
         ]
     );

@@ -13,8 +13,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use coupling::comparison::SETTINGS;
+use coupling::fibres::FibreTask;
 use coupling::fibres::cache::Cache;
-use coupling::fibres::driven_fibres;
 use coupling::scene::Fibres;
 use coupling::scene::StressFree;
 use coupling::thigh::build::{Thigh, ThighEffects};
@@ -68,18 +68,16 @@ fn main() -> ExitCode {
     let poses = registration.poses(&model, &flexed);
     let clock = Instant::now();
     let cache = Cache::beside(Path::new("target/thigh_contact"));
-    let thigh = driven_fibres(
-        &made.thigh,
-        &model,
-        &registration,
-        &[],
-        StressFree::Standing,
-        Fibres::Hill,
-        &SETTINGS,
-        Some(&cache),
-    )
-    .expect("every muscle can be calibrated")
-    .thigh;
+    let fibres = FibreTask {
+        thigh: &made.thigh,
+        model: &model,
+        registration: &registration,
+        steps: &[],
+        stress_free: StressFree::Standing,
+        kind: Fibres::Hill,
+        check: false,
+    };
+    let thigh = fibres.calibrate(&SETTINGS, Some(&cache)).expect("every muscle can be calibrated").thigh;
     let n = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum::<usize>();
     println!("{n} elements of {:.0} mm, calibrated in {:.0} s", 1e3 * edge, clock.elapsed().as_secs_f64());
 

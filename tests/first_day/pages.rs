@@ -120,6 +120,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     fs::write(folder.join("thermal.toml"), "muscles = [\"gracilis\"]\nstress_free = \"heel_strike\"\nresolution_mm = 20\n[effects]\ncontact = \"none\"\n").unwrap();
     let example = |name: &str| format!("{}/../fem/examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
+    fs::write(folder.join("grid.toml"), "muscles = [\"vastus_intermedius\"]\nresolution_mm = 12\n[effects]\nfibres = \"none\"\ncontact = \"none\"\n[[fidelity]]\nmuscle = \"vastus_intermedius\"\nlevel = \"embedded\"\ncell_mm = 30\n").unwrap();
     fs::write(folder.join("ladder.toml"), "scene = \"hill.toml\"\n[[axis]]\nname = \"mesh\"\nkey = \"resolution_mm\"\nvalues = [20.0, 14.0]\nerror = \"discretisation\"\n").unwrap();
     let vary = |key: &str, values: &str| {
         format!("[[vary]]\nkey = \"{key}\"\ndistribution = \"choice\"\nvalues = [{values}]\n")
@@ -161,6 +162,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
         &["optimize", "trials/walk.toml", "--out", "v"],
         &["optimize", "--out", "h", "--thigh", "can.csv"],
         &["compare", "thermal.toml", "--out", "t"],
+        &["compare", "grid.toml", "--out", "e"],
         &["mesh", "--resolution", "20", "--only", "gracilis", "--out", "m"],
         &["solve", &example("squashed_block"), "--out", "s"],
         &["solve", &example("strap_over_rod"), "--out", "r"],
@@ -181,7 +183,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     }
     let page = page_of_columns();
     let mut seen = std::collections::BTreeSet::new();
-    for part in ["o", "n", "v", "h", "c", "w", "b", "t", "m", "s", "r", "l", "y", "z", "q", "i"] {
+    for part in ["o", "n", "v", "h", "c", "w", "b", "t", "e", "m", "s", "r", "l", "y", "z", "q", "i"] {
         for (file, columns) in tables(&folder.join(part)) {
             let file = if part == "t" && file == "calibration.csv" {
                 "calibration.csv (thermal fibres)".into()

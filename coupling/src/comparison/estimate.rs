@@ -1,6 +1,6 @@
 //! What a thigh takes to be solved: unknowns, entries of factors, operations. Counted on its plan, or on a draft of its mesh.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use fem::mesh::CellBlock;
@@ -215,15 +215,69 @@ impl Connected {
     }
 }
 
+/// Muscles in grids, as far as they are counted: no matter how well their cubes are filled, and in how many pieces.
+struct Grids {
+    /// Corners of the cube of every free node in a grid, numbered on from the nodes of the mesh.
+    corners: BTreeMap<u32, [u32; 8]>,
+    /// Nodes of the mesh, then corners \[m\].
+    points: Vec<[f64; 3]>,
+    /// Nodes of the elements in each cube, which have one dilatation.
+    cubes: Vec<Vec<u32>>,
+}
+
+impl Grids {
+    fn of(thigh: &Thigh, free: &[bool]) -> Grids {
+        let mesh = &thigh.mesh;
+        let mut grids = Grids { corners: BTreeMap::new(), points: mesh.points.clone(), cubes: Vec::new() };
+        for spec in &thigh.scene.embedded {
+            let cube_of = |p: [f64; 3]| p.map(|x| (x / spec.cell).floor() as i64);
+            let (mut of_site, mut of_cube) = (BTreeMap::new(), BTreeMap::<_, Vec<u32>>::new());
+            let blocks = mesh.blocks.iter().filter(|b| b.name == spec.region);
+            for cell in blocks.flat_map(CellBlock::cells) {
+                let sum = |c: usize| cell.iter().map(|&n| mesh.points[n as usize][c]).sum::<f64>();
+                let centroid = std::array::from_fn(|c| sum(c) / cell.len() as f64);
+                of_cube.entry(cube_of(centroid)).or_default().extend(cell);
+                for &n in cell.iter().filter(|&&n| free[n as usize]) {
+                    let cube = cube_of(mesh.points[n as usize]);
+                    let corner = |k: usize| {
+                        let site: [i64; 3] = std::array::from_fn(|c| cube[c] + (k >> c & 1) as i64);
+                        *of_site.entry(site).or_insert_with(|| {
+                            grids.points.push(site.map(|i| i as f64 * spec.cell));
+                            grids.points.len() as u32 - 1
+                        })
+                    };
+                    let corners = std::array::from_fn(corner);
+                    grids.corners.entry(n).or_insert(corners);
+                }
+            }
+            grids.cubes.extend(of_cube.into_values());
+        }
+        grids
+    }
+}
+
 fn islands(thigh: &Thigh) -> Vec<Connected> {
     let mesh = &thigh.mesh;
     let tied: BTreeSet<u32> =
         thigh.scene.ties.iter().flat_map(|t| &mesh.node_sets[&t.nodes]).copied().collect();
     let mut free = vec![true; mesh.points.len()];
     tied.iter().for_each(|&n| free[n as usize] = false);
-    let free_of = |cell: &[u32]| cell.iter().copied().filter(|&n| free[n as usize]).collect::<Vec<_>>();
-    let cells = || mesh.blocks.iter().flat_map(CellBlock::cells).map(free_of).filter(|cell| !cell.is_empty());
-    let mut parent: Vec<u32> = (0..mesh.points.len() as u32).collect();
+    let Grids { corners, points, cubes } = Grids::of(thigh, &free);
+    let free_of = |cell: &[u32]| {
+        let free = cell.iter().copied().filter(|&n| free[n as usize]);
+        if !cell.iter().any(|n| corners.contains_key(n)) {
+            return free.collect::<Vec<_>>();
+        }
+        let bearers: BTreeSet<u32> =
+            free.flat_map(|n| corners.get(&n).map_or_else(|| vec![n], |c| c.to_vec())).collect();
+        bearers.into_iter().collect()
+    };
+    let is_whole = |block: &&CellBlock| thigh.scene.embedded.iter().all(|e| e.region != block.name);
+    let cells = || {
+        let of_cells = mesh.blocks.iter().filter(is_whole).flat_map(CellBlock::cells).map(free_of);
+        of_cells.chain(cubes.iter().map(|nodes| free_of(nodes))).filter(|cell| !cell.is_empty())
+    };
+    let mut parent: Vec<u32> = (0..points.len() as u32).collect();
     fn root(parent: &mut [u32], mut n: u32) -> u32 {
         while parent[n as usize] != n {
             parent[n as usize] = parent[parent[n as usize] as usize];
@@ -238,8 +292,8 @@ fn islands(thigh: &Thigh) -> Vec<Connected> {
         }
     }
     let mut islands: Vec<Connected> = Vec::new();
-    let mut of_root = vec![u32::MAX; mesh.points.len()];
-    let mut place = vec![u32::MAX; mesh.points.len()];
+    let mut of_root = vec![u32::MAX; points.len()];
+    let mut place = vec![u32::MAX; points.len()];
     for cell in cells() {
         let root = root(&mut parent, cell[0]) as usize;
         if of_root[root] == u32::MAX {
@@ -250,7 +304,7 @@ fn islands(thigh: &Thigh) -> Vec<Connected> {
         for n in cell {
             if place[n as usize] == u32::MAX {
                 place[n as usize] = (island.points.len() / 3) as u32;
-                island.points.extend(mesh.points[n as usize]);
+                island.points.extend(points[n as usize]);
             }
             island.nodes.push(place[n as usize]);
         }

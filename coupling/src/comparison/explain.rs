@@ -62,7 +62,8 @@ pub fn explain(
             _ => r.lines.iter().map(|l| l.f_max * l.direction()).sum(),
         });
         let (mut passive, mut rigid_passive, mut length_ratio) = (tissue, None, None);
-        if let (FibreCalibration::Hill { muscles, units, scale }, Some(rigid)) = (&calibration.fibres, rigid) {
+        if let (FibreCalibration::Hill { muscles, units, scale }, Some(rigid)) = (&calibration.fibres, rigid)
+        {
             let stretch = thigh.fibre_stretch(i, at.x);
             let shift = (stretch - muscles[i].fit.rest) * muscle.fibre_length / scale;
             passive += units[i].force(shift, 0.0);

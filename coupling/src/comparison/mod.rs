@@ -24,7 +24,7 @@ use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::fibres::cache::{Cache, content_hash};
 use crate::fibres::muscle_unit::{Fit, MOST_ACTIVE};
-use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, driven_fibres};
+use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, FibreTask};
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
 use crate::steps::{RigidStep, rigid_step};
@@ -302,6 +302,19 @@ impl Prepared {
         thigh
     }
 
+    /// Its fibres, to be made ready.
+    pub fn fibres(&self) -> FibreTask<'_> {
+        FibreTask {
+            thigh: &self.thigh,
+            model: &self.done.model,
+            registration: &self.registration,
+            steps: &self.steps,
+            stress_free: self.scene.stress_free,
+            kind: self.scene.fibres,
+            check: self.scene.check_calibration,
+        }
+    }
+
     /// Calibrates the fibres and compiles the configurations that are `asked` for. What is wrong with the
     /// scene shows here. Calibrations are kept in the [`Cache`] beside `folder`. `lap` is called as the stage ends.
     pub fn calibrate(
@@ -317,16 +330,9 @@ impl Prepared {
         if self.made.is_none() {
             return Ok(ready);
         }
-        let DrivenFibres { thigh, calibration, controls } = driven_fibres(
-            &self.thigh,
-            &self.done.model,
-            &self.registration,
-            &self.steps,
-            self.scene.stress_free,
-            self.scene.fibres,
-            &SETTINGS,
-            Some(&Cache::beside(folder)),
-        )?;
+        let cache = Cache::beside(folder);
+        let DrivenFibres { thigh, calibration, controls } =
+            self.fibres().calibrate(&SETTINGS, Some(&cache))?;
         let controls = match (&self.scene.controller, &self.controlled) {
             (None, _) => controls,
             (Some(_), Some(activations)) => activations.clone(),

@@ -329,7 +329,8 @@ fn said(error: &InputError) -> String {
 fn known_key(key: &str) -> Result<(), String> {
     let keys = || {
         // Entries of a list have no value of their own.
-        let is_of_a_list = |k: &Key| ["materials.muscle.", "step.", "fidelity."].iter().any(|s| k.path.starts_with(s));
+        let is_of_a_list =
+            |k: &Key| ["materials.muscle.", "step.", "fidelity."].iter().any(|s| k.path.starts_with(s));
         SCENE_KEYS.iter().filter(move |k| (!k.is_section() || k.path == "fidelity") && !is_of_a_list(k))
     };
     if keys().any(|k| k.path == key) {

@@ -42,10 +42,11 @@ pub fn alone(thigh: &Thigh, muscle: usize) -> Thigh {
     Thigh { mesh, scene, muscles: vec![muscle], tendons: Vec::new() }
 }
 
-/// Calibrates every muscle of a thigh by itself, the muscles in parallel: as `cache` has it, or by `find`, which gets the number of the
+/// Calibrates some muscles of a thigh, by their numbers, each by itself and all in parallel: as `cache` has it, or by `find`, which gets the number of the
 /// muscle and the muscle [`alone`]. `depends` says what the result depends on besides that, with numbers that read back the same.
 pub fn calibrate_each<T, E>(
     thigh: &Thigh,
+    which: &[usize],
     cache: Option<&Cache>,
     depends: impl Fn(usize) -> String + Sync,
     find: impl Fn(usize, &Thigh) -> Result<T, E> + Sync,
@@ -54,7 +55,7 @@ where
     T: Serialize + DeserializeOwned + Send,
     E: Send,
 {
-    let one = |i: usize| {
+    let one = |&i: &usize| {
         let muscle = alone(thigh, i);
         let Some(cache) = cache else { return find(i, &muscle) };
         let rest = format!("{}{:?}{:?}", depends(i), muscle.scene, muscle.muscles);
@@ -62,6 +63,6 @@ where
         cache.get_or(&content_hash(&muscle.mesh, &rest), &what, || find(i, &muscle))
     };
     // One muscle after the other on each core: they differ tenfold in work.
-    let all: Vec<_> = (0..thigh.muscles.len()).into_par_iter().with_max_len(1).map(one).collect();
+    let all: Vec<_> = which.par_iter().with_max_len(1).map(one).collect();
     all.into_iter().collect()
 }

@@ -2,7 +2,8 @@
 //!
 //! Every muscle is solved alone in the posture of the mesh, never in a posture that it is later compared in. Its fibres are curved and
 //! partly lie askew, so they are shorter when taut than in the mesh and pull harder than what comes through the belly: two numbers,
-//! [`Fit`], found with the force of half activation. Activations and lengths looked at then only show how good the fit is.
+//! [`Fit`], found with the force of half activation. Activations and lengths looked at then only show how good the fit is, and are left out
+//! unless asked for: a slack muscle takes many times the iterations of a taut one.
 
 use fem::body::Pose;
 use fem::plan::Plan;
@@ -91,23 +92,27 @@ pub fn with_laws(thigh: &Thigh, units: &[MuscleUnit], scale: f64, fits: &[Fit]) 
 }
 
 /// Calibrates all muscles of a thigh, each alone. `units`: its muscles in the posture of the mesh; `scale`: how many times longer than the
-/// generic leg that of the mesh is. `postures` are looked at afterwards, at half activation. What `cache` has is not computed.
+/// generic leg that of the mesh is. `check`: other activations are looked at afterwards, and these postures at half activation; `None`: nothing
+/// is but the fit itself. What `cache` has is not computed.
 pub fn calibrate_hill(
     thigh: &Thigh,
     units: &[MuscleUnit],
     scale: f64,
-    postures: &[Posture],
+    check: Option<&[Posture]>,
     settings: &Settings,
     cache: Option<&Cache>,
 ) -> Result<Vec<Calibrated>, CalibrationError> {
     let settings = Settings { tolerance: TOLERANCE, ..*settings };
     let depends = |i: usize| {
-        let there: Vec<_> =
-            postures.iter().map(|p| (&p.name, p.poses, p.muscle(&thigh.muscles[i].name))).collect();
+        let there = check.map(|postures| {
+            let of = |p: &Posture| format!("{:?}", (&p.name, p.poses, p.muscle(&thigh.muscles[i].name)));
+            postures.iter().map(of).collect::<Vec<_>>()
+        });
         format!("Hill {scale:?}{:?}{there:?}{settings:?}", units[i])
     };
-    calibrate_each(thigh, cache, depends, |i, muscle| {
-        calibrate_one(muscle, &units[i], scale, postures, &settings)
+    let all: Vec<usize> = (0..thigh.muscles.len()).collect();
+    calibrate_each(thigh, &all, cache, depends, |i, muscle| {
+        calibrate_one(muscle, &units[i], scale, check, &settings)
     })
 }
 
@@ -116,7 +121,7 @@ fn calibrate_one(
     thigh: &Thigh,
     unit: &MuscleUnit,
     scale: f64,
-    postures: &[Posture],
+    check: Option<&[Posture]>,
     settings: &Settings,
 ) -> Result<Calibrated, CalibrationError> {
     let muscle = &thigh.muscles[0];
@@ -146,8 +151,11 @@ fn calibrate_one(
         }
     };
     let mut samples = vec![sample(&fitted, FITTED_AT, None)];
-    let others = ACTIVATIONS.map(|a| (a, None)).into_iter();
-    for (activation, posture) in others.chain(postures.iter().map(|p| (FITTED_AT, Some(p)))) {
+    let others = check.map(|postures| {
+        let others = ACTIVATIONS.map(|a| (a, None)).into_iter();
+        others.chain(postures.iter().map(|p| (FITTED_AT, Some(p))))
+    });
+    for (activation, posture) in others.into_iter().flatten() {
         // All from the fit, which is taut and not far.
         let session = Session::from_frame(&plan, settings, &fitted.frame, 1)?;
         let seen = look(&thigh, &plan, session, activation, posture)?;

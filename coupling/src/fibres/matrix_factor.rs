@@ -1,11 +1,12 @@
 //! How much softer the matrix of an embedded muscle is taken, so that it resists as its mesh does.
 //!
 //! Displacements in a grid are some of those of the mesh, so no state of the grid has less energy than the best of the mesh: a muscle in a
-//! grid is too stiff, the coarser the more. One factor on the energy of its matrix takes that back: the passive muscle alone, its most distal
-//! bone drawn away by [`PULLED`] of its length, has the force through the belly that its mesh has. Fibres carry their tension in a grid as in
+//! grid is too stiff, the coarser the more. One factor on the energy of its matrix takes that back: the passive muscle alone draws its most
+//! distal bone back, once that has gone away by [`PULLED`] of its length, with the force that its mesh has. Fibres carry their tension in a grid as in
 //! the mesh and are calibrated afterwards, with the softened matrix.
 
 use fem::body::Pose;
+use fem::measure::body_wrenches;
 use fem::plan::Plan;
 use fem::run::{DriveFrame, Session};
 use fem::solve::Settings;
@@ -16,7 +17,6 @@ use crate::fibres::cache::Cache;
 use crate::fibres::thermal_calibration::CalibrationError;
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::BODIES;
-use crate::thigh::section::belly_force;
 
 /// Way of the most distal bone over the length of the muscle's line. Muscles of the thigh are that much longer at the ends of a step than
 /// standing; docs/embedded.md has the factors at half and at twice of it.
@@ -40,7 +40,7 @@ pub struct MatrixFactor {
     pub cell: f64,
     /// Factor on the energy density of its matrix.
     pub factor: f64,
-    /// Force through its passive belly, drawn by [`PULLED`], in its mesh \[N\].
+    /// Force with which it draws its bone back, passive and drawn by [`PULLED`], in its mesh \[N\].
     pub of_mesh: f64,
     /// The same in the grid, as it is \[N\].
     pub of_grid: f64,
@@ -56,16 +56,11 @@ pub fn matrix_factors(
     settings: &Settings,
     cache: Option<&Cache>,
 ) -> Result<Vec<MatrixFactor>, CalibrationError> {
-    if thigh.scene.embedded.is_empty() {
-        return Ok(Vec::new());
-    }
+    let is_embedded = |i: &usize| thigh.scene.embedded.iter().any(|e| e.region == thigh.muscles[*i].name);
+    let embedded: Vec<usize> = (0..thigh.muscles.len()).filter(is_embedded).collect();
     let settings = Settings { tolerance: TOLERANCE, least_force: LEAST_FORCE, ..*settings };
     let depends = |_| format!("matrix factor {PULLED:?}{MET:?}{settings:?}");
-    let is_embedded = |muscle: &Thigh| !muscle.scene.embedded.is_empty();
-    let all = calibrate_each(thigh, cache, depends, |_, muscle| {
-        Ok(if is_embedded(muscle) { vec![find(muscle, &settings)?] } else { Vec::new() })
-    })?;
-    Ok(all.concat())
+    calibrate_each(thigh, &embedded, cache, depends, |_, muscle| find(muscle, &settings))
 }
 
 /// Softens the matrix of the muscles that the factors are of.
@@ -105,7 +100,15 @@ fn find(thigh: &Thigh, settings: &Settings) -> Result<MatrixFactor, CalibrationE
         if (now.1 - of_mesh).abs() <= MET * of_mesh.abs() {
             let unknowns = [unknowns_of_mesh, unknowns_of_grid];
             let cell = thigh.scene.embedded[0].cell;
-            return Ok(MatrixFactor { muscle, cell, factor: now.0, of_mesh, of_grid, softened: now.1, unknowns });
+            return Ok(MatrixFactor {
+                muscle,
+                cell,
+                factor: now.0,
+                of_mesh,
+                of_grid,
+                softened: now.1,
+                unknowns,
+            });
         }
         let factor = now.0 + (of_mesh - now.1) * (now.0 - before.0) / (now.1 - before.1);
         if !(factor > 0.0 && factor.is_finite()) {
@@ -116,22 +119,30 @@ fn find(thigh: &Thigh, settings: &Settings) -> Result<MatrixFactor, CalibrationE
     Err(CalibrationError::Factor { muscle, of_mesh, of_grid, last: now.1 })
 }
 
-/// Force through the passive belly \[N\] of the only muscle of `thigh` with its most distal bone drawn away from its origin by a fraction of
-/// its line, and its unknowns.
+/// Force \[N\] with which the passive only muscle of `thigh` draws its most distal bone back, once that has gone away from its origin by a
+/// fraction of its line; and its unknowns.
 pub fn drawn(thigh: &Thigh, fraction: f64, settings: &Settings) -> Result<(f64, usize), CalibrationError> {
     let muscle = &thigh.muscles[0];
     let plan = Plan::new(&thigh.scene, thigh.mesh.clone())?;
     let length: f64 = muscle.line.windows(2).map(|two| (two[1] - two[0]).norm()).sum();
     let ends: Vector3<f64> = muscle.line[muscle.line.len() - 1] - muscle.line[0];
-    let way = Translation3::from(ends.normalize() * (fraction * length));
-    let away = Pose::from_parts(way, UnitQuaternion::identity());
-    let distal = BODIES.iter().rev().find(|body| plan.bodies.iter().any(|b| b == *body));
-    let poses: Vec<(&str, Pose)> = distal.map(|body| (*body, away)).into_iter().collect();
+    let way = ends.normalize();
+    let away = Translation3::from(way * (fraction * length));
+    let away = Pose::from_parts(away, UnitQuaternion::identity());
+    let on_bone = |body: &&str| plan.bodies.iter().position(|b| b == *body);
+    let (distal, body) = BODIES
+        .iter()
+        .rev()
+        .find_map(|body| Some((on_bone(body)?, *body)))
+        .expect("a muscle of the thigh grows from bone");
+    let poses = [(body, away)];
     let load = plan.load(&[], &poses)?;
     let mut session = Session::new(&plan, settings, None)?;
     let done = session.advance(&DriveFrame { time: 1.0, load });
     if let Some(error) = done.errors.into_iter().next() {
         return Err(CalibrationError::Solve(error));
     }
-    Ok((belly_force(&plan, done.frame.snapshot(), muscle).along(), plan.n_unknowns()))
+    let about = vec![[0.0; 3]; plan.bodies.len()];
+    let wrench = body_wrenches(&plan, done.frame.snapshot(), &about)[distal];
+    Ok((-Vector3::from(wrench.force).dot(&way), plan.n_unknowns()))
 }

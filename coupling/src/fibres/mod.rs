@@ -95,66 +95,99 @@ pub struct DrivenFibres {
     pub controls: Vec<Vec<f64>>,
 }
 
-/// Calibrates a thigh without contact, the matrix of embedded muscles first, and finds the controls of the steps. What `cache` has is not computed.
-pub fn driven_fibres(
-    thigh: &Thigh,
-    model: &Model,
-    registration: &Registration,
-    steps: &[RigidStep],
-    stress_free: StressFree,
-    kind: Fibres,
-    settings: &Settings,
-    cache: Option<&Cache>,
-) -> Result<DrivenFibres, CompareError> {
-    let matrix = matrix_factors(thigh, settings, cache)?;
-    let mut thigh = thigh.clone();
-    soften(&mut thigh, &matrix);
-    let mut driven = match kind {
-        Fibres::None => Ok(without_fibres(thigh, steps)),
-        Fibres::Thermal => thermal(&thigh, steps, settings, cache),
-        Fibres::Hill => hill(&thigh, model, registration, steps, stress_free, settings, cache),
-    }?;
-    driven.calibration.matrix = matrix;
-    Ok(driven)
+/// A thigh without contact whose fibres are to be made ready for steps.
+#[derive(Clone, Copy)]
+pub struct FibreTask<'a> {
+    /// The thigh.
+    pub thigh: &'a Thigh,
+    /// The rigid leg.
+    pub model: &'a Model,
+    /// Where the bones of the mesh are.
+    pub registration: &'a Registration,
+    /// What the rigid leg says of the steps.
+    pub steps: &'a [RigidStep],
+    /// Posture in which the mesh is free of stress.
+    pub stress_free: StressFree,
+    /// Law of the fibres.
+    pub kind: Fibres,
+    /// Calibrated muscles with Hill fibres are looked at in other states too; the calibration does not need it.
+    pub check: bool,
 }
 
-fn without_fibres(thigh: Thigh, steps: &[RigidStep]) -> DrivenFibres {
-    let controls = vec![vec![0.0; thigh.muscles.len()]; steps.len()];
-    DrivenFibres { thigh, calibration: Calibration::default(), controls }
-}
-
-/// [`driven_fibres`] of a calibration that was written down; `None` where it is not one of these muscles and this kind.
-pub fn written_fibres(
-    thigh: &Thigh,
-    model: &Model,
-    registration: &Registration,
-    steps: &[RigidStep],
-    stress_free: StressFree,
-    kind: Fibres,
-    written: WrittenCalibration,
-) -> Option<Result<DrivenFibres, CompareError>> {
-    let WrittenCalibration { matrix, hill, thermal: curves } = written;
-    let in_grids = thigh.scene.embedded.iter().map(|e| (&e.region, e.cell));
-    if !in_grids.eq(matrix.iter().map(|m| (&m.muscle, m.cell))) {
-        return None;
+impl FibreTask<'_> {
+    /// Calibrates the matrix of embedded muscles and the fibres, and finds the controls of the steps. What `cache` has is not computed.
+    pub fn calibrate(
+        &self,
+        settings: &Settings,
+        cache: Option<&Cache>,
+    ) -> Result<DrivenFibres, CompareError> {
+        let matrix = matrix_factors(self.thigh, settings, cache)?;
+        let mut thigh = self.thigh.clone();
+        soften(&mut thigh, &matrix);
+        let softened = FibreTask { thigh: &thigh, ..*self };
+        let mut driven = match self.kind {
+            Fibres::None => Ok(without_fibres(&thigh, self.steps)),
+            Fibres::Thermal => thermal(&thigh, self.steps, settings, cache),
+            Fibres::Hill => softened.hill(settings, cache),
+        }?;
+        driven.calibration.matrix = matrix;
+        Ok(driven)
     }
-    let mut thigh = thigh.clone();
-    soften(&mut thigh, &matrix);
-    let driven = match kind {
-        Fibres::None => Some(Ok(without_fibres(thigh, steps))),
-        Fibres::Thermal => {
-            (curves.len() == thigh.muscles.len()).then(|| driven_thermal(&thigh, curves, steps))
+
+    /// [`FibreTask::calibrate`] of a calibration that was written down; `None` where it is not one of these muscles and this kind.
+    pub fn as_written(&self, written: WrittenCalibration) -> Option<Result<DrivenFibres, CompareError>> {
+        let WrittenCalibration { matrix, hill, thermal: curves } = written;
+        let in_grids = self.thigh.scene.embedded.iter().map(|e| (&e.region, e.cell));
+        if !in_grids.eq(matrix.iter().map(|m| (&m.muscle, m.cell))) {
+            return None;
         }
-        Fibres::Hill => {
-            let same = hill.iter().map(|m| &m.muscle).eq(thigh.muscles.iter().map(|m| &m.name));
-            let names: Vec<&str> = thigh.muscles.iter().map(|m| m.name.as_str()).collect();
-            let units = units_as_meshed(&names, model, registration, steps, stress_free);
-            same.then(|| driven_hill(&thigh, units, scale(registration), hill, steps))
-        }
-    };
-    driven.map(|driven| {
-        driven.map(|of| DrivenFibres { calibration: Calibration { matrix, ..of.calibration }, ..of })
-    })
+        let (mut thigh, steps) = (self.thigh.clone(), self.steps);
+        soften(&mut thigh, &matrix);
+        let driven = match self.kind {
+            Fibres::None => Some(Ok(without_fibres(&thigh, steps))),
+            Fibres::Thermal => {
+                (curves.len() == thigh.muscles.len()).then(|| driven_thermal(&thigh, curves, steps))
+            }
+            Fibres::Hill => {
+                let same = hill.iter().map(|m| &m.muscle).eq(thigh.muscles.iter().map(|m| &m.name));
+                let scale = scale(self.registration);
+                same.then(|| driven_hill(&thigh, self.units(), scale, hill, steps))
+            }
+        };
+        driven.map(|driven| {
+            driven.map(|of| DrivenFibres { calibration: Calibration { matrix, ..of.calibration }, ..of })
+        })
+    }
+
+    /// The units of its muscles in the posture for which the mesh is taken.
+    fn units(&self) -> Vec<MuscleUnit> {
+        let names: Vec<&str> = self.thigh.muscles.iter().map(|m| m.name.as_str()).collect();
+        units_as_meshed(&names, self.model, self.registration, self.steps, self.stress_free)
+    }
+
+    fn hill(&self, settings: &Settings, cache: Option<&Cache>) -> Result<DrivenFibres, CompareError> {
+        let FibreTask { thigh, model, registration, .. } = *self;
+        let (units, scale) = (self.units(), scale(registration));
+        let posture = |[hip, knee]: [f64; 2]| {
+            let Q = registration.posture(model, hip.to_radians(), knee.to_radians())?;
+            Some(Posture {
+                name: format!("hip {}, knee {} degrees", short(hip), short(knee)),
+                poses: registration.poses(model, &Q),
+                muscles: rigid_muscles_at(model, registration, &Q),
+            })
+        };
+        let look = self.check.then(|| match self.stress_free {
+            StressFree::Standing => POSTURES.into_iter().filter_map(posture).collect::<Vec<_>>(),
+            StressFree::HeelStrike => Vec::new(),
+        });
+        let muscles = calibrate_hill(thigh, &units, scale, look.as_deref(), settings, cache)?;
+        driven_hill(thigh, units, scale, muscles, self.steps)
+    }
+}
+
+fn without_fibres(thigh: &Thigh, steps: &[RigidStep]) -> DrivenFibres {
+    let controls = vec![vec![0.0; thigh.muscles.len()]; steps.len()];
+    DrivenFibres { thigh: thigh.clone(), calibration: Calibration::default(), controls }
 }
 
 /// The units of muscles in the posture for which the mesh is taken.
@@ -207,34 +240,6 @@ fn driven_thermal(
     let controls = forces.iter().map(of_step).collect::<Result<_, _>>()?;
     let calibration = Calibration { fibres: FibreCalibration::Thermal(curves), ..Calibration::default() };
     Ok(DrivenFibres { thigh: thigh.clone(), calibration, controls })
-}
-
-fn hill(
-    thigh: &Thigh,
-    model: &Model,
-    registration: &Registration,
-    steps: &[RigidStep],
-    stress_free: StressFree,
-    settings: &Settings,
-    cache: Option<&Cache>,
-) -> Result<DrivenFibres, CompareError> {
-    let names: Vec<&str> = thigh.muscles.iter().map(|m| m.name.as_str()).collect();
-    let units = units_as_meshed(&names, model, registration, steps, stress_free);
-    let scale = scale(registration);
-    let posture = |[hip, knee]: [f64; 2]| {
-        let Q = registration.posture(model, hip.to_radians(), knee.to_radians())?;
-        Some(Posture {
-            name: format!("hip {}, knee {} degrees", short(hip), short(knee)),
-            poses: registration.poses(model, &Q),
-            muscles: rigid_muscles_at(model, registration, &Q),
-        })
-    };
-    let postures: Vec<Posture> = match stress_free {
-        StressFree::Standing => POSTURES.into_iter().filter_map(posture).collect(),
-        StressFree::HeelStrike => Vec::new(),
-    };
-    let muscles = calibrate_hill(thigh, &units, scale, &postures, settings, cache)?;
-    driven_hill(thigh, units, scale, muscles, steps)
 }
 
 fn driven_hill(

@@ -154,8 +154,10 @@ pub fn calibrate(
         let some = || wanted.iter().map(|step| step[i]).filter(|f| *f >= LEAST_FORCE);
         [some().fold(f64::INFINITY, f64::min), some().fold(0.0, f64::max)]
     };
+    let all: Vec<usize> = (0..thigh.muscles.len()).collect();
     calibrate_each(
         thigh,
+        &all,
         cache,
         |i| format!("thermal {:?}{settings:?}", range(i)),
         |i, muscle| calibrate_one(muscle, range(i), settings),

@@ -73,10 +73,13 @@ impl Fidelity {
             let is_simulated = *deformable && (muscles.is_empty() || muscles.contains(name));
             let remedy = match known_muscle(name) {
                 Err(remedy) => Some(remedy),
-                Ok(()) if !seen.insert(name.clone()) => Some("give the level of a muscle in one place".into()),
-                Ok(()) if !is_simulated && level != Level::Line => {
-                    Some("the scene does not name this muscle in `muscles`: add it there, or take it out here".into())
+                Ok(()) if !seen.insert(name.clone()) => {
+                    Some("give the level of a muscle in one place".into())
                 }
+                Ok(()) if !is_simulated && level != Level::Line => Some(
+                    "the scene does not name this muscle in `muscles`: add it there, or take it out here"
+                        .into(),
+                ),
                 Ok(()) => None,
             };
             if let Some(remedy) = remedy {

@@ -9,8 +9,8 @@ use multibody::keys::Need::{Default, Optional, Required};
 use multibody::keys::{Key, key, likeness, top_keys};
 use multibody::trial_file;
 
-use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
 use super::fidelity::{CELLS, LEVELS};
+use super::materials::{A, B, BULK, CONSTANTS, DENSITY, SECTION, SHELL, TENDON, THICKNESS};
 use super::{DISTANCES, FLEXIONS, INSETS, RESIDUALS, RESOLUTIONS, STEPS};
 
 /// What a material constant may be.
@@ -35,6 +35,7 @@ pub const KEYS: &[Key] = &[
     key("accuracy.contact_residual_n", Number(*RESIDUALS.start(), *RESIDUALS.end()), Default("10.0"), "N", "With contact; the last 10 N cost as much time as all before", "1.0"),
     key("accuracy.strict_steps", Count(1, 1000), Optional("softened contact says where to go, collision detection goes there"), "", "Guarded contact: every step goes in so many smaller ones by collision detection alone; many times slower, to see whether forces depend on the path", "20"),
     key("accuracy.check_stability", Flag, Default("false"), "", "Every state is shown to be a minimum of the energy, and left where it is none; `frames_tested_for_stability` in the summary counts them", "true"),
+    key("accuracy.check_calibration", Flag, Default("false"), "", "Every muscle with Hill fibres is solved alone in four more states, to see how well it is calibrated; most of the time of a calibration", "true"),
 
     key("solver", Section, Optional("the defaults of its keys"), "", "How the steps are solved", ""),
     key("solver.method", Word(&["newton", "relaxation"]), Default("\"newton\""), "", "Newton's method with sparse factors, or dynamic relaxation, which needs no matrices", "\"relaxation\""),

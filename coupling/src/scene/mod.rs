@@ -191,6 +191,8 @@ pub struct Scene {
     pub strict_steps: Option<usize>,
     /// Every state is shown to be a minimum of the energy.
     pub check_stability: bool,
+    /// Calibrated muscles are looked at in other states too.
+    pub check_calibration: bool,
     /// Which solver.
     pub method: Method,
     /// Time steps that a step may take per body where there are no matrices.
@@ -254,6 +256,7 @@ struct AccuracyEntry {
     contact_residual_n: Option<f64>,
     strict_steps: Option<usize>,
     check_stability: Option<bool>,
+    check_calibration: Option<bool>,
 }
 
 #[derive(Default, Deserialize)]
@@ -327,8 +330,7 @@ impl SceneFile {
         let controller = controller.map(|unit| wrong.keep(at.existing("controller", unit, &folders, None)));
         let surfaces = self.surfaces.as_ref();
         let surfaces = surfaces.map(|s| wrong.keep(at.existing("surfaces", s, &folders, None)));
-        let mut muscles =
-            self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
+        let mut muscles = self.muscles.as_ref().map_or(Some((true, Vec::new())), |m| at.muscles(m, wrong));
         let stress_free = self.stress_free.as_ref().map_or(StressFree::default(), |s| *s.get_ref());
         let mut steps = at.steps(self.step.as_deref(), wrong);
         steps.sort_by(|a, b| a.name.fraction().total_cmp(&b.name.fraction()));
@@ -387,6 +389,7 @@ impl SceneFile {
             },
             strict_steps: accuracy.strict_steps,
             check_stability: accuracy.check_stability.unwrap_or(false),
+            check_calibration: accuracy.check_calibration.unwrap_or(false),
             method: self.solver.method.as_ref().map_or(Method::Newton, |m| *m.get_ref()),
             max_steps: self.solver.max_steps.unwrap_or(Settings::default().max_steps),
             stress_free,

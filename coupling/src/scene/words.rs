@@ -161,10 +161,15 @@ impl Scene {
             .keys()
             .filter(|name| thigh.muscles.iter().all(|m| m.name != **name))
             .partition(|name| self.fidelity.lines.contains(*name));
-        for (names, why) in [(lines_alone, "lines of the rigid leg alone"), (unnamed, "the scene does not name them")] {
+        for (names, why) in
+            [(lines_alone, "lines of the rigid leg alone"), (unnamed, "the scene does not name them")]
+        {
             let said: Vec<String> = names.iter().map(|name| name.replace('_', " ")).collect();
             if !said.is_empty() {
-                leave(&format!("{} muscles of the thigh", said.len()), &format!("{why}: {}", said.join(", ")));
+                leave(
+                    &format!("{} muscles of the thigh", said.len()),
+                    &format!("{why}: {}", said.join(", ")),
+                );
             }
         }
         leave(

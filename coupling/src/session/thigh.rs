@@ -18,7 +18,7 @@ use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::fibres::cache::lasting_hash;
 use crate::fibres::muscle_unit::MOST_ACTIVE;
-use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, WrittenCalibration, written_fibres};
+use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, WrittenCalibration};
 use crate::scene::Fibres;
 use crate::thigh::build::Thigh;
 use crate::thigh::registration::BODIES;
@@ -109,17 +109,7 @@ impl ThighSide {
         }
         let (thigh, calibration) = match calibration {
             Some(written) => {
-                let (model, registration) = (&prepared.done.model, &prepared.registration);
-                let steps = &prepared.steps;
-                let fibres = written_fibres(
-                    &prepared.thigh,
-                    model,
-                    registration,
-                    steps,
-                    scene.stress_free,
-                    scene.fibres,
-                    written,
-                );
+                let fibres = prepared.fibres().as_written(written);
                 let why = "the calibration that was written down is not one of these muscles";
                 let DrivenFibres { thigh, calibration, .. } =
                     fibres.ok_or_else(|| CouplingError::Option(why.into()))??;

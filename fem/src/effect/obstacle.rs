@@ -4,6 +4,7 @@
 
 use super::{Effect, EffectKind, Groups, State, point};
 use crate::contact::barrier::barrier;
+use crate::element::psd::lift;
 use crate::geometry::DistanceField;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
@@ -169,12 +170,7 @@ impl<const M: usize> Effect for Obstacle<M> {
             self.each(s, group, |sample, felt| {
                 let [_, e1, e2] = felt.law;
                 let mut block = e2 * felt.n * felt.n.transpose() + e1 * felt.bend;
-                if convexity > 0.0 {
-                    let eigen = block.symmetric_eigen();
-                    let negative = eigen.eigenvalues.map(|v| v.min(0.0));
-                    let Q = eigen.eigenvectors;
-                    block -= convexity * Q * Matrix3::from_diagonal(&negative) * Q.transpose();
-                }
+                lift(&mut block.data.0, convexity);
                 block *= sample.area;
                 for (p, wp) in sample.weights.iter().enumerate() {
                     for (q, wq) in sample.weights.iter().enumerate() {

@@ -83,7 +83,14 @@ pub(super) fn section_of(report: &CompareReport) -> String {
                 ),
                 table(&header, 1, &rows)
             );
-            let lead = "Every muscle alone, at several activations in the posture of the mesh and in two others that no step has: force through its belly against the Hill model's at the same activation and fibre length.";
+            let lead = match muscles.iter().any(|m| m.samples.len() > 1) {
+                true => {
+                    "Every muscle alone, at several activations in the posture of the mesh and in two others that no step has: force through its belly against the Hill model's at the same activation and fibre length."
+                }
+                false => {
+                    "Every muscle alone, at the activation of the fit in the posture of the mesh: force through its belly against the Hill model's at the same fibre length. With accuracy.check_calibration = true other states are looked at, too."
+                }
+            };
             section(title, lead, &content)
         }
     }
@@ -181,7 +188,7 @@ pub(super) fn grids(report: &CompareReport) -> String {
     }
     section(
         "Muscles in grids",
-        "Every muscle alone, passive, drawn out by a tenth of its length: what its mesh resists with, what its grid resists with, and the factor on its matrix that makes them equal.",
+        "Every muscle alone, passive, drawn out by a tenth of its length: the force with which it draws its bone back in its mesh and in its grid, and the factor on its matrix that makes them equal.",
         &table(
             &["Muscle", "Cube, mm", "Unknowns of the mesh", "of the grid", "Mesh, N", "Grid, N", "Factor"],
             1,
