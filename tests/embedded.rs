@@ -6,63 +6,21 @@ use fem::effect::EffectKind;
 use fem::measure::{Cut, section_force, solid_field};
 use fem::mesh::{Mesh, generate};
 use fem::plan::{LoadedIsland, Plan};
-use fem::run::Frame;
 use fem::scene::{DilatationSpec, EmbeddedSpec, ForceSpec, FormulationSpec, LawSpec, Scene, StrandSpec};
-use fem::solve::{BlockMatrix, Loading, Potential};
-use mesher::grid::{self, SectionKind, mean_size};
-use mesher::{Loft, MuscleSections, to_mesh};
-use nalgebra::{DMatrix, Matrix3, Vector3};
-use std::path::Path;
-use std::time::Instant;
+use fem::solve::{Loading, Potential};
+use nalgebra::Vector3;
 use support::Random;
 use support::fem_scenes::{
-    derivative_orders, displaced, distorted_box, held, laws, mooney_rivlin, plan, solid, solve, tolerance,
+    derivative_orders, displaced, distorted_box, held, laws, mooney_rivlin, plan, solve, tolerance,
 };
-
-/// A scene of one block, pulled and sheared at its boundary or at an end.
-fn scene_of(mesh: &Mesh, law: LawSpec, formulation: Option<FormulationSpec>) -> Scene {
-    Scene { solids: vec![solid(&mesh.blocks[0].name, law, formulation)], ..Scene::default() }
-}
-
-fn embedded(scene: &Scene, region: &str, cell: f64) -> Scene {
-    Scene { embedded: vec![EmbeddedSpec::new(region, cell)], ..scene.clone() }
-}
-
-/// A large strain.
-fn linear(X: [f64; 3]) -> [f64; 3] {
-    (Matrix3::new(0.15, 0.1, -0.05, 0.0, -0.1, 0.08, 0.06, 0.0, 0.05) * Vector3::from(X)).into()
-}
-
-/// Greatest distance \[m\] of the nodes of a mesh between two states.
-fn apart(mesh: &Mesh, a: &[f64], b: &[f64]) -> f64 {
-    let n = 3 * mesh.points.len();
-    let pairs = a[..n].chunks_exact(3).zip(b[..n].chunks_exact(3));
-    pairs
-        .map(|(a, b)| (Vector3::from_column_slice(a) - Vector3::from_column_slice(b)).norm())
-        .fold(0.0, f64::max)
-}
-
-/// Blocks side by side as one region `block` of bodies that do not touch; the sets of each have its number before their names.
-fn bodies(boxes: &[([usize; 3], [f64; 3], [f64; 3])]) -> Mesh {
-    let mut all = Mesh::default();
-    for (i, &(n, size, place)) in boxes.iter().enumerate() {
-        let mut mesh = generate::block(n, size);
-        mesh.points.iter_mut().for_each(|p| (0..3).for_each(|c| p[c] += place[c]));
-        mesh.surfaces.clear();
-        generate::append(&mut all, mesh, &i.to_string());
-    }
-    let rest = all.blocks.split_off(1);
-    all.blocks[0].nodes.extend(rest.into_iter().flat_map(|b| b.nodes));
-    all.blocks[0].name = "block".to_string();
-    all
-}
+use support::grid_cases::{apart, embedded, linear, scene_of};
 
 /// Nodes of a held face and linear displacements on the whole boundary of a distorted box, most elements beside held nodes, in grids that fit it
 /// nowhere: all nodes and the stress are those of the linear field.
 #[test]
 fn a_linear_field_is_held_whatever_the_grid() {
-    for n in [6] {
-        let mesh = distorted_box(n);
+    {
+        let mesh = distorted_box(6);
         for (name, law) in laws() {
             let small = matches!(law, LawSpec::LinearElastic { .. });
             let field = |X: [f64; 3]| linear(X).map(|u| if small { 0.1 * u } else { u });
@@ -82,41 +40,10 @@ fn a_linear_field_is_held_whatever_the_grid() {
                 let scale = cells[0].cauchy.amax();
                 let spread =
                     cells.iter().map(|c| (c.cauchy - cells[0].cauchy).amax()).fold(0.0, f64::max) / scale;
-                println!("{n} cells, {name}, cubes of {cell}: off by {off:.1e} m, stress {spread:.1e}");
+                println!("{name}, cubes of {cell}: off by {off:.1e} m, stress {spread:.1e}");
                 assert!(off < 1e-9, "{name}, cubes of {cell} m: off the linear field by {off:.1e} m");
                 assert!(spread < 1e-8, "{name}, cubes of {cell} m: stress differs by {spread:.1e}");
             }
-        }
-    }
-}
-
-/// Held and pulled at its ends; cubes are the elements.
-#[test]
-fn a_grid_that_is_the_mesh_gives_what_the_mesh_gives() {
-    let mesh = generate::block([5, 3, 4], [0.1, 0.06, 0.08]);
-    for (name, law) in laws() {
-        for formulation in [FormulationSpec::MeanDilatation, FormulationSpec::Plain] {
-            let mut scene = scene_of(&mesh, law.clone(), Some(formulation));
-            let small = matches!(law, LawSpec::LinearElastic { .. });
-            let field = |X: [f64; 3]| linear([X[0], X[2], X[1]]).map(|u| if small { 0.1 * u } else { u });
-            scene.prescribed = vec![held("x_min", [true; 3]), displaced(&mesh, "x_max", field)];
-            let (of_mesh, of_grid) = (plan(&scene, &mesh), plan(&embedded(&scene, "block", 0.02), &mesh));
-            assert_eq!(of_mesh.n_unknowns(), of_grid.n_unknowns());
-            let [a, b] = [&of_mesh, &of_grid].map(|plan| solve(plan, &[("load", 1.0)], &tolerance(1e-12)));
-            let off = apart(&mesh, &a.x, &b.x);
-            let cut = Cut { point: [0.05; 3], normal: [1.0, 0.0, 0.0], effects: vec![] };
-            let through = [(&of_mesh, &a), (&of_grid, &b)]
-                .map(|(p, f)| section_force(p, f.snapshot(), &cut).total.force[0]);
-            let stresses =
-                [(&of_mesh, &a), (&of_grid, &b)].map(|(p, f)| solid_field(p, f.snapshot(), "block").unwrap());
-            let scale = stresses[0].iter().map(|c| c.cauchy.amax()).fold(0.0, f64::max);
-            let [s, t] = stresses;
-            let stress =
-                s.iter().zip(&t).map(|(s, t)| (s.cauchy - t.cauchy).amax()).fold(0.0, f64::max) / scale;
-            println!("{name}, {formulation:?}: {off:.1e} m, stress {stress:.1e}, {through:?} N");
-            assert!(off < 1e-10 * 0.1, "{name}, {formulation:?}: off by {off:.1e} m");
-            assert!(stress < 1e-9, "{name}, {formulation:?}: stress is off by {stress:.1e}");
-            assert!((through[0] / through[1] - 1.0).abs() < 1e-9, "{name}: {through:?} N through the middle");
         }
     }
 }
@@ -167,12 +94,6 @@ fn bar(n: [usize; 3]) -> (Mesh, Scene) {
     (mesh, scene)
 }
 
-/// Force \[N\] with which an end is moved, along its way.
-fn end_force(plan: &Plan, frame: &Frame, set: &str, along: [f64; 3]) -> f64 {
-    let wrench = fem::measure::support_wrench(plan, frame.snapshot(), &plan.mesh.node_sets[set], [0.0; 3]);
-    (0..3).map(|c| wrench.force[c] * along[c]).sum()
-}
-
 /// One dilatation per element: the finer the cubes, the softer the bar, and none softer than its mesh, as every grid halved holds the one before.
 /// One per cube: nearer to the mesh everywhere, though it is no bound, as means of volumes are fewer in larger cubes; the largest have three.
 #[test]
@@ -207,103 +128,6 @@ fn finer_grids_come_down_to_the_mesh_and_one_dilatation_per_element_locks() {
             _ => assert!(element - 1.0 > 3.0 * (cube - 1.0).abs()),
         }
     }
-}
-
-/// K at rest, without what is prescribed.
-fn stiffness(plan: &Plan) -> DMatrix<f64> {
-    let load = plan.load(&[], &[]).unwrap();
-    let loaded = LoadedIsland::new(plan.islands[0].clone(), load.clone(), load);
-    let x = loaded.island().free_positions(&loaded.island().gather(&plan.reference()));
-    let mut k = BlockMatrix::zeros(loaded.pattern().clone());
-    loaded.hessian(&x, 0.0, &mut k);
-    let mut dense = DMatrix::zeros(x.len(), x.len());
-    for i in 0..x.len() / 3 {
-        for (&j, block) in k.pattern().row(i).iter().zip(k.row(i)) {
-            (0..9).for_each(|e| dense[(3 * i + e / 3, 3 * j as usize + e % 3)] = block[e]);
-        }
-    }
-    dense
-}
-
-/// A box that begins on a face of the grid and reaches by a fraction of a cube into another layer of cubes, both ways across. Two specks that are
-/// held make the grid begin at -60 mm and end at 120 mm.
-fn reaching(fraction: f64) -> (Mesh, Scene) {
-    let size = [0.06, 0.04 + fraction * 0.02, 0.04 + fraction * 0.02];
-    let speck = |place: f64| ([1; 3], [0.01; 3], [place; 3]);
-    let mut mesh = bodies(&[([12, 10, 10], size, [0.0; 3]), speck(-0.06), speck(0.11)]);
-    let far = |n: &u32| mesh.points[*n as usize].iter().any(|x| *x < -1e-3 || *x > 0.1);
-    let specks = (0..mesh.points.len() as u32).filter(far).collect();
-    mesh.node_sets.insert("specks".to_string(), specks);
-    let mut scene = scene_of(&mesh, mooney_rivlin(), None);
-    let bent = |X: [f64; 3]| [0.01, 0.01, 0.1 * X[1]];
-    let pulled = displaced(&mesh, "0_x_max", bent);
-    scene.prescribed = vec![held("specks", [true; 3]), held("0_x_min", [true; 3]), pulled];
-    (mesh, scene)
-}
-
-#[test]
-fn a_cube_that_is_hardly_filled_does_no_harm() {
-    let of = |fraction: f64| {
-        let (mesh, scene) = reaching(fraction);
-        let plan = plan(&embedded(&scene, "block", 0.02), &mesh);
-        let eigenvalues = stiffness(&plan).symmetric_eigenvalues();
-        let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-9));
-        let force = end_force(&plan, &frame, "0_x_max", [1.0, 0.0, 0.0]);
-        let region = &plan.embedded[0];
-        let condition = eigenvalues.max() / eigenvalues.min();
-        println!(
-            "filled by {fraction}: {} nodes, {} of {} badly filled, condition {condition:.1e}, {} iterations, {force:.4} N",
-            region.nodes.len(),
-            region.n_badly_filled,
-            region.n_pieces,
-            frame.islands[0].iterations
-        );
-        (condition, region.n_badly_filled, frame.islands[0].iterations, force)
-    };
-    let whole = of(0.0);
-    let mut bad = 0;
-    for fraction in [0.5, 0.3, 0.2, 0.1, 0.05, 0.01, 1e-3, 1e-5] {
-        let (condition, n_bad, iterations, force) = of(fraction);
-        bad += n_bad;
-        assert!(
-            condition < 1e3 * whole.0,
-            "filled by {fraction}: condition {condition:.1e} after {:.1e}",
-            whole.0
-        );
-        assert!(
-            iterations <= whole.2 + 3,
-            "filled by {fraction}: {iterations} iterations, {} without",
-            whole.2
-        );
-        // The section grows, and with it the force; corners that are not there any more make it no softer.
-        let area = (1.0 + 0.5 * fraction).powi(2);
-        assert!(
-            force > whole.3 && force < 1.15 * area * whole.3,
-            "filled by {fraction}: {force} N of {}",
-            whole.3
-        );
-    }
-    assert!(bad > 0);
-}
-
-#[test]
-fn two_sheets_in_one_cube_move_apart() {
-    let sheet = |z: f64| ([8, 4, 1], [0.04, 0.02, 2e-3], [0.0, 0.0, z]);
-    let mesh = bodies(&[sheet(0.0), sheet(3e-3)]);
-    let mut scene = scene_of(&mesh, mooney_rivlin(), None);
-    scene.prescribed = vec![held("0_x_min", [true; 3]), held("1_x_min", [true; 3])];
-    let pulled = mesh.node_sets["1_x_max"].iter().map(|&n| (n, [0.0, 0.0, 1e-4])).collect();
-    scene.forces.push(ForceSpec { name: "pull".to_string(), loads: pulled, control: "load".to_string() });
-    let plan = plan(&embedded(&scene, "block", 0.02), &mesh);
-    assert_eq!(plan.islands.len(), 2);
-    assert!(plan.embedded[0].n_divided >= 2, "{:?}", plan.embedded[0]);
-    let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-6));
-    let moved = |set: &str| {
-        let up = |&n: &u32| frame.x[3 * n as usize + 2] - mesh.points[n as usize][2];
-        mesh.node_sets[set].iter().map(up).fold(0.0, f64::max)
-    };
-    println!("the one sheet moves by {:.1e} m, the other by {:.1e} m", moved("1_x_max"), moved("0_x_max"));
-    assert!(moved("1_x_max") > 1e-3 && moved("0_x_max") < 1e-15);
 }
 
 /// What acts on the mesh acts on its nodes: forces on nodes go through every section, partly along strands between nodes.
@@ -367,67 +191,4 @@ fn what_cannot_be_embedded_is_refused_with_its_remedy() {
     assert!(error.contains("embedded region `block` is there twice"), "{error}");
     let said = Plan::parse("[[embedded]]\nregion = \"block\"\ncel = 0.02\n", "s.toml".as_ref()).unwrap_err();
     assert!(said.to_string().contains("cel"), "{said}");
-}
-
-const SECTIONS: &str = include_str!("../gait-data/thigh/muscle_sections.csv");
-
-/// Vastus intermedius of the built-in thigh, by itself, its sets `origin` and `insertion`, and the way from the one to the other \[m\].
-fn vastus_intermedius(edge: f64) -> (Mesh, Vector3<f64>) {
-    let all = MuscleSections::read_csv(SECTIONS, Path::new("muscle_sections.csv")).unwrap();
-    let sections = all.iter().find(|m| m.name == "vastus_intermedius").unwrap();
-    let n = (mean_size(sections)[2] / edge).round() as usize;
-    let layers = (0..=n).map(|i| i as f64 / n as f64).collect();
-    let block =
-        grid::fill("muscle", &Loft::new(sections), &SectionKind::rings(sections, edge).grid(), layers);
-    let (first, last) = (0..block.nodes_per_section as u32, (n * block.nodes_per_section) as u32);
-    let way = block.centre_line();
-    let mut mesh = to_mesh(std::slice::from_ref(&block));
-    mesh.surfaces.clear();
-    mesh.node_sets.insert("origin".to_string(), first.clone().collect());
-    mesh.node_sets.insert("insertion".to_string(), first.map(|i| last + i).collect());
-    (mesh, way[way.len() - 1] - way[0])
-}
-
-/// The muscle held at its origin, its insertion pulled by `stretch` and moved aside by `aside` of the length: force along the muscle and aside
-/// \[N\], unknowns, iterations, seconds.
-fn pulled(
-    mesh: &Mesh,
-    way: Vector3<f64>,
-    cell: Option<f64>,
-    [stretch, aside]: [f64; 2],
-    factor: f64,
-) -> [f64; 5] {
-    let along = way.normalize();
-    let across = along.cross(&Vector3::z()).normalize();
-    let mut scene = scene_of(mesh, mooney_rivlin(), None);
-    scene.solids[0].scale = vec![factor; mesh.blocks[0].n_cells()];
-    let moved = way * stretch + across * (aside * way.norm());
-    scene.prescribed = vec![held("origin", [true; 3]), displaced(mesh, "insertion", |_| moved.into())];
-    if let Some(cell) = cell {
-        scene = embedded(&scene, &mesh.blocks[0].name, cell);
-    }
-    let begin = Instant::now();
-    let plan = plan(&scene, mesh);
-    let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-6));
-    let seconds = begin.elapsed().as_secs_f64();
-    let force = |d: Vector3<f64>| end_force(&plan, &frame, "insertion", d.into());
-    [force(along), force(across), plan.n_unknowns() as f64, frame.count(|i| i.iterations) as f64, seconds]
-}
-
-#[test]
-fn vastus_intermedius_comes_down_to_its_mesh() {
-    let (mesh, way) = vastus_intermedius(5e-3);
-    println!("{} elements, {:.0} mm long", mesh.blocks[0].n_cells(), way.norm() * 1e3);
-    for load in [[0.15, 0.0], [0.0, 0.15]] {
-        let exact = pulled(&mesh, way, None, load, 1.0);
-        println!("{load:?}: mesh {exact:.3?}");
-        let at = usize::from(load[1] > 0.0);
-        let all = [40e-3, 20e-3, 10e-3].map(|cell| {
-            let found = pulled(&mesh, way, Some(cell), load, 1.0);
-            println!("{load:?}: cubes of {cell} m: {found:.3?}, {:.3}", found[at] / exact[at]);
-            found[at]
-        });
-        // The largest cubes hold whole sections of the muscle: too few volumes to be a bound.
-        assert!(all[1] > all[2] && all[2] > exact[at], "{load:?}: {all:?} N, mesh {exact:?}");
-    }
 }

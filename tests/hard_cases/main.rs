@@ -11,6 +11,7 @@ mod contact;
 mod dynamics;
 mod elements;
 mod equilibrium;
+mod grids;
 mod hertz;
 mod incompressible;
 mod judge;
@@ -78,6 +79,7 @@ fn main() {
         dynamics::CASES,
         equilibrium::CASES,
         incompressible::CASES,
+        grids::CASES,
         rigid::CASES,
         sides::CASES,
         no_equilibrium::CASES,

@@ -5,6 +5,7 @@ pub mod c3d_file;
 pub mod contact_scenes;
 pub mod fem_scenes;
 pub mod goldfarb_idnani;
+pub mod grid_cases;
 pub mod independent;
 pub mod motion_cases;
 pub mod random_scenes;

@@ -4,8 +4,9 @@
 //! Mean dilatation:  Π = Σ_g s_g w_g ψ̂(F_g, θ),   θ = Σ_g w_g det F_g / V,   V = Σ_g w_g
 //!
 //! over the quadrature points of all elements, s_g the factor of the element on its energy density. The places of the nodes of an element
-//! are fixed means of those of others, x_a = Σ_m W_am x_m, so that F_g = Σ_m x_m ⊗ B_gm with B_gm = Σ_a W_am ∂N_a/∂X. As in
-//! [`kernel`](super::kernel), forces and stiffness are the exact derivatives; of one element whose nodes are their own this is that element.
+//! are fixed means of those of others, x_a = Σ_m W_am x_m: forces and stiffness of an element are put together over its own nodes, then
+//! f_m = Σ_a W_am f_a and K_mn = Σ_ab W_am K_ab W_bn. As in [`kernel`](super::kernel), they are the exact derivatives; of one element whose
+//! nodes are their own this is that element.
 
 use super::kernel::{Derivatives, Formulation, plain_tangent};
 use super::principal::Blocks;
@@ -16,6 +17,8 @@ use crate::material::{Material, Matrix3, cofactor};
 pub struct Part {
     /// Places in the cluster of the nodes that move it.
     pub nodes: Vec<u32>,
+    /// Each of its own nodes as a mean of these, by their number in `nodes`; weights add up to one.
+    pub means: Vec<Vec<(u32, f64)>>,
     /// Its quadrature points.
     pub samples: Vec<Sample>,
     /// Reference volume \[m³\].
@@ -27,8 +30,8 @@ pub struct Part {
 pub struct Sample {
     /// Weight \[m³\].
     pub w: f64,
-    /// ∂F/∂x of each node of the part \[1/m\]; they add up to zero.
-    pub b: Vec<[f64; 3]>,
+    /// ∂N/∂X of each of the element's own nodes \[1/m\]; they add up to zero.
+    pub dn: Vec<[f64; 3]>,
 }
 
 /// Elements with one dilatation.
@@ -44,57 +47,113 @@ pub struct Cluster {
 pub type Scaled<L> = (L, f64);
 
 impl Part {
-    /// F at a point; from differences of places, as their round-off then grows with the size of the element and not with its distance from
-    /// the origin.
-    fn deformation_gradient(&self, sample: &Sample, x: &[[f64; 3]]) -> Matrix3 {
+    /// Where its own nodes are \[m\], from the first of the nodes that move it: round-off of their differences then grows with the size of the
+    /// element and not with its distance from the origin.
+    fn places(&self, x: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let first = x[self.nodes[0] as usize];
-        let mut F = [[0.0; 3]; 3];
-        for (&n, b) in self.nodes.iter().zip(&sample.b).skip(1) {
-            let side: [f64; 3] = std::array::from_fn(|i| x[n as usize][i] - first[i]);
-            for j in 0..3 {
-                for i in 0..3 {
-                    F[j][i] += side[i] * b[j];
-                }
-            }
-        }
-        F.into()
+        let sides: Vec<[f64; 3]> =
+            self.nodes.iter().map(|&n| std::array::from_fn(|i| x[n as usize][i] - first[i])).collect();
+        let mean = |of: &Vec<(u32, f64)>| {
+            of.iter()
+                .fold([0.0; 3], |sum, &(m, w)| std::array::from_fn(|i| sum[i] + w * sides[m as usize][i]))
+        };
+        self.means.iter().map(mean).collect()
+    }
+
+    /// F at every point.
+    fn deformation_gradients(&self, x: &[[f64; 3]]) -> impl Iterator<Item = (&Sample, Matrix3)> {
+        let places = self.places(x);
+        self.samples.iter().map(move |sample| (sample, gradient_of(&places, &sample.dn)))
     }
 
     /// Least det F over its points.
     pub fn least_det_f(&self, x: &[[f64; 3]]) -> f64 {
-        let det = |s: &Sample| self.deformation_gradient(s, x).determinant();
         let least = |least: f64, det: f64| if det < least || det.is_nan() { det } else { least };
-        self.samples.iter().map(det).fold(f64::INFINITY, least)
+        self.deformation_gradients(x).map(|(_, F)| F.determinant()).fold(f64::INFINITY, least)
     }
 
     /// Mean of F over its reference volume.
     pub fn mean_deformation_gradient(&self, x: &[[f64; 3]]) -> Matrix3 {
-        let sum = self.samples.iter().map(|s| self.deformation_gradient(s, x) * s.w).sum::<Matrix3>();
-        sum / self.volume
+        self.deformation_gradients(x).map(|(s, F)| F * s.w).sum::<Matrix3>() / self.volume
     }
 
     /// Its own mean volume ratio.
     pub fn dilatation(&self, x: &[[f64; 3]]) -> f64 {
-        let now = self.samples.iter().map(|s| s.w * self.deformation_gradient(s, x).determinant());
-        now.sum::<f64>() / self.volume
+        self.deformation_gradients(x).map(|(s, F)| s.w * F.determinant()).sum::<f64>() / self.volume
     }
-}
 
-impl Cluster {
-    /// Calls `see` with every quadrature point: its part and F there.
-    fn each(&self, x: &[[f64; 3]], mut see: impl FnMut(usize, &Sample, Matrix3)) {
-        for (p, part) in self.parts.iter().enumerate() {
-            for sample in &part.samples {
-                see(p, sample, part.deformation_gradient(sample, x));
+    /// Adds what is summed over its own nodes to the nodes of the cluster that move them.
+    fn hand_on(&self, own: &[[f64; 3]], out: &mut [[f64; 3]]) {
+        for (f, mean) in own.iter().zip(&self.means) {
+            for &(m, w) in mean {
+                let out = &mut out[self.nodes[m as usize] as usize];
+                (0..3).for_each(|i| out[i] += w * f[i]);
             }
         }
     }
 
+    /// Adds the stiffness over its own nodes, lower blocks (a, b), a ≥ b, at `a m + b`, to that over the nodes of the cluster, row-major over
+    /// `n` unknowns. `room`: for what is summed on the way.
+    fn hand_on_stiffness(&self, own: &[[f64; 9]], n: usize, out: &mut [f64], room: &mut [Vec<[f64; 9]>; 2]) {
+        let (m, movers) = (self.means.len(), self.nodes.len());
+        // Columns first: a block of two means would go to sixty-four places at once.
+        let [columns, lower] = room;
+        columns.clear();
+        columns.resize(m * movers, [0.0; 9]);
+        lower.clear();
+        lower.resize(movers * movers, [0.0; 9]);
+        for a in 0..m {
+            for b in 0..m {
+                let block: [f64; 9] = match a >= b {
+                    true => own[a * m + b],
+                    false => std::array::from_fn(|e| own[b * m + a][3 * (e % 3) + e / 3]),
+                };
+                for &(q, w) in &self.means[b] {
+                    let to = &mut columns[a * movers + q as usize];
+                    (0..9).for_each(|e| to[e] += w * block[e]);
+                }
+            }
+        }
+        for a in 0..m {
+            for &(p, w) in &self.means[a] {
+                let p = p as usize;
+                let from = &columns[a * movers..a * movers + p + 1];
+                for (to, from) in lower[p * movers..p * movers + p + 1].iter_mut().zip(from) {
+                    (0..9).for_each(|e| to[e] += w * from[e]);
+                }
+            }
+        }
+        for p in 0..movers {
+            for q in 0..=p {
+                let (row, column) = (3 * self.nodes[p] as usize, 3 * self.nodes[q] as usize);
+                for (e, value) in lower[p * movers + q].iter().enumerate() {
+                    out[(row + e / 3) * n + column + e % 3] += value;
+                    if p != q {
+                        out[(column + e % 3) * n + row + e / 3] += value;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// F of an element whose nodes are at `places`.
+fn gradient_of(places: &[[f64; 3]], dn: &[[f64; 3]]) -> Matrix3 {
+    let mut F = [[0.0; 3]; 3];
+    for (place, dn) in places.iter().zip(dn).skip(1) {
+        for j in 0..3 {
+            for i in 0..3 {
+                F[j][i] += (place[i] - places[0][i]) * dn[j];
+            }
+        }
+    }
+    F.into()
+}
+
+impl Cluster {
     /// θ at places `x` \[m\] of its nodes.
     pub fn dilatation(&self, x: &[[f64; 3]]) -> f64 {
-        let mut now = 0.0;
-        self.each(x, |_, s, F| now += s.w * F.determinant());
-        now / self.volume
+        self.parts.iter().map(|part| part.volume * part.dilatation(x)).sum::<f64>() / self.volume
     }
 
     /// Π \[J\]; `+∞` where a law is not defined. `law`: of each part.
@@ -111,14 +170,13 @@ impl Cluster {
         let mut sum = 0.0;
         for (p, part) in self.parts.iter().enumerate() {
             let (law, scale) = law(p);
-            let of = |s: &Sample| {
-                let F = part.deformation_gradient(s, x);
+            let of = |(s, F): (&Sample, Matrix3)| {
                 s.w * match formulation {
                     Formulation::Plain => law.energy(&F),
                     Formulation::MeanDilatation => law.mixed_energy(&F, theta),
                 }
             };
-            sum += scale * part.samples.iter().map(of).sum::<f64>();
+            sum += scale * part.deformation_gradients(x).map(of).sum::<f64>();
         }
         sum
     }
@@ -138,10 +196,12 @@ impl Cluster {
             Formulation::MeanDilatation => self.dilatation(x),
         };
         let mut pressure = 0.0;
+        let mut own = Vec::new();
         for (p, part) in self.parts.iter().enumerate() {
             let (law, scale) = law(p);
-            for sample in &part.samples {
-                let F = part.deformation_gradient(sample, x);
+            own.clear();
+            own.resize(part.means.len(), [0.0; 3]);
+            for (sample, F) in part.deformation_gradients(x) {
                 let P = match formulation {
                     Formulation::Plain => law.stress(&F),
                     Formulation::MeanDilatation => {
@@ -150,14 +210,20 @@ impl Cluster {
                         P
                     }
                 };
-                scatter(out, part, sample, &(P * (scale * sample.w)));
+                scatter(&mut own, sample, &(P * (scale * sample.w)));
             }
+            part.hand_on(&own, out);
         }
         if formulation == Formulation::MeanDilatation {
             let pressure = pressure / self.volume;
-            self.each(x, |p, sample, F| {
-                scatter(out, &self.parts[p], sample, &(cofactor(&F) * (pressure * sample.w)));
-            });
+            for part in &self.parts {
+                own.clear();
+                own.resize(part.means.len(), [0.0; 3]);
+                for (sample, F) in part.deformation_gradients(x) {
+                    scatter(&mut own, sample, &(cofactor(&F) * (pressure * sample.w)));
+                }
+                part.hand_on(&own, out);
+            }
         }
     }
 
@@ -173,10 +239,12 @@ impl Cluster {
         }
         let theta = self.dilatation(x);
         let mut sum = 0.0;
-        self.each(x, |p, sample, F| {
+        for (p, part) in self.parts.iter().enumerate() {
             let (law, scale) = law(p);
-            sum += scale * sample.w * law.mixed_stress(&F, theta).1;
-        });
+            for (sample, F) in part.deformation_gradients(x) {
+                sum += scale * sample.w * law.mixed_stress(&F, theta).1;
+            }
+        }
         sum / self.volume
     }
 
@@ -191,8 +259,7 @@ impl Cluster {
         let (theta, pressure) = (self.dilatation(x), self.pressure(formulation, &law, x));
         let (of, part) = (law(part), &self.parts[part]);
         let mut sum = Matrix3::zeros();
-        for sample in &part.samples {
-            let F = part.deformation_gradient(sample, x);
+        for (sample, F) in part.deformation_gradients(x) {
             let P = match formulation {
                 Formulation::Plain => of.0.stress(&F),
                 Formulation::MeanDilatation => of.0.mixed_stress(&F, theta).0,
@@ -220,37 +287,34 @@ impl Cluster {
         let pressure = self.pressure(formulation, &law, x);
         let (mut d_theta, mut coupling) = (vec![[0.0; 3]; x.len()], vec![[0.0; 3]; x.len()]);
         let mut p_theta = 0.0;
-        let mut k = Vec::new();
+        let (mut k, mut own, mut room) = (Vec::new(), [Vec::new(), Vec::new()], Default::default());
         for (p, part) in self.parts.iter().enumerate() {
             let (law, scale) = law(p);
-            let m = part.nodes.len();
+            let m = part.means.len();
             k.clear();
             k.resize(m * m, [0.0; 9]);
-            for sample in &part.samples {
-                let F = part.deformation_gradient(sample, x);
+            for own in &mut own {
+                own.clear();
+                own.resize(m, [0.0; 3]);
+            }
+            for (sample, F) in part.deformation_gradients(x) {
                 if !mixed {
-                    accumulate(&mut k, &plain_tangent(&law, &F, convexity), scale * sample.w, &sample.b);
+                    accumulate(&mut k, &plain_tangent(&law, &F, convexity), scale * sample.w, &sample.dn);
                     continue;
                 }
                 // Of s ψ̂ + p̄ J = s (ψ̂ + (p̄/s) J).
                 let at = Derivatives::new(&law, &F, theta, convexity);
                 let (A, P_theta, p_theta_g) = at.tangent(&law, &F, theta, pressure / scale, convexity);
                 let w = scale * sample.w;
-                accumulate(&mut k, &A, w, &sample.b);
-                scatter(&mut d_theta, part, sample, &(cofactor(&F) * (sample.w / self.volume)));
-                scatter(&mut coupling, part, sample, &(P_theta * w));
+                accumulate(&mut k, &A, w, &sample.dn);
+                scatter(&mut own[0], sample, &(cofactor(&F) * (sample.w / self.volume)));
+                scatter(&mut own[1], sample, &(P_theta * w));
                 p_theta += w * p_theta_g;
             }
-            for a in 0..m {
-                for b in 0..=a {
-                    let (row, column) = (3 * part.nodes[a] as usize, 3 * part.nodes[b] as usize);
-                    for (e, value) in k[a * m + b].iter().enumerate() {
-                        out[(row + e / 3) * n + column + e % 3] += value;
-                        if a != b {
-                            out[(column + e % 3) * n + row + e / 3] += value;
-                        }
-                    }
-                }
+            part.hand_on_stiffness(&k, n, out, &mut room);
+            if mixed {
+                part.hand_on(&own[0], &mut d_theta);
+                part.hand_on(&own[1], &mut coupling);
             }
         }
         if !mixed {
@@ -266,11 +330,11 @@ impl Cluster {
     }
 }
 
-/// f_m += P b_m.
-fn scatter(f: &mut [[f64; 3]], part: &Part, sample: &Sample, P: &Matrix3) {
-    for (&n, b) in part.nodes.iter().zip(&sample.b) {
+/// f_a += P ∂N_a/∂X.
+fn scatter(f: &mut [[f64; 3]], sample: &Sample, P: &Matrix3) {
+    for (f, dn) in f.iter_mut().zip(&sample.dn) {
         for i in 0..3 {
-            f[n as usize][i] += P[(i, 0)] * b[0] + P[(i, 1)] * b[1] + P[(i, 2)] * b[2];
+            f[i] += P[(i, 0)] * dn[0] + P[(i, 1)] * dn[1] + P[(i, 2)] * dn[2];
         }
     }
 }

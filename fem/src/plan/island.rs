@@ -13,7 +13,7 @@ use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};
 use crate::contact::{Contact, ContactTerm};
 use crate::effect::{Effect, IslandTerm, NO_NODE, State};
-use crate::solve::{PRESCRIBED, Pattern, Slots};
+use crate::solve::{Galerkin, PRESCRIBED, Pattern, Slots};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -48,12 +48,23 @@ pub struct Island {
     pub(super) free_nodes: Vec<u32>,
     pub(super) fixed: Vec<bool>,
     pub(super) pattern: Arc<Pattern>,
+    /// Places of the groups of each effect; of one that is put together over means there.
     pub(super) slots: Vec<Slots>,
+    /// Of effects on nodes that are fixed means; absent where there are none.
+    pub(super) over_means: Option<OverMeans>,
     pub(super) tied: Vec<TiedGroup>,
     /// Effect and group of the cells with a volume all of whose nodes are prescribed.
     prescribed: Vec<(usize, usize)>,
     /// Forces \[N\] below which nothing is in play.
     pub(super) least_scale: f64,
+}
+
+/// Effects whose nodes are fixed means of free ones: put together over all their nodes, then handed on to the free ones.
+pub(super) struct OverMeans {
+    /// Which effects.
+    pub(super) effects: Vec<bool>,
+    /// Their nodes and what these are means of.
+    pub(super) galerkin: Galerkin,
 }
 
 impl Island {
@@ -84,32 +95,69 @@ impl Island {
             n != NO_NODE && motion[n as usize].iter().any(|m| !matches!(m, Motion::Free) && m.is_unknown())
         };
         let free_of = |n: u32| if n == NO_NODE { PRESCRIBED } else { free[n as usize] };
+        // Of nodes in grids there are many, of other followers few: those group by group, these effect by effect.
+        let is_mean = |n: &u32| *n != NO_NODE && matches!(motion[*n as usize][0], Motion::Mean(_));
+        let over: Vec<bool> = effects.iter().map(|effect| effect.nodes().iter().any(is_mean)).collect();
+        let mut inner = vec![PRESCRIBED; nodes.len()];
+        let mut inner_means = Vec::new();
+        for (n, motion) in motion.iter().enumerate().filter(|_| over.contains(&true)) {
+            let own = || (free[n] != PRESCRIBED).then(|| vec![(free[n], 1.0)]);
+            let part =
+                |&(m, w): &(u32, f64)| (free[m as usize] != PRESCRIBED).then_some((free[m as usize], w));
+            let of = |mean: &Mean| mean.iter().filter_map(part).collect();
+            let is_plain = motion.iter().all(|m| !matches!(m, Motion::Follows(_) | Motion::Slides(_)));
+            if let Some(mean) = means.get(&(n as u32)).map(of).or_else(own).filter(|_| is_plain) {
+                inner[n] = inner_means.len() as u32;
+                inner_means.push(mean);
+            }
+        }
         let mut tied = Vec::new();
         let mut places: Vec<Vec<u32>> = Vec::new();
-        for (e, effect) in effects.iter().enumerate() {
+        for ((e, effect), &over) in effects.iter().enumerate().zip(&over) {
             let m = effect.nodes_per_group();
             let mut place = Vec::with_capacity(effect.nodes().len());
             for (g, group) in effect.nodes().chunks_exact(m).enumerate() {
-                if group.iter().any(|&n| follower(n)) {
+                let moves = |n: &u32| match over {
+                    true => follower(*n) && inner[*n as usize] == PRESCRIBED,
+                    false => follower(*n),
+                };
+                if group.iter().any(moves) {
                     tied.push(tied_group(e, g, group, &motion, &slides, &means));
                     place.extend(std::iter::repeat_n(PRESCRIBED, m));
                 } else {
-                    place.extend(group.iter().map(|&n| free_of(n)));
+                    place.extend(group.iter().map(|&n| match (over, n) {
+                        (true, n) if n != NO_NODE => inner[n as usize],
+                        _ => free_of(n),
+                    }));
                 }
             }
             places.push(place);
         }
+        let stiff = |e: usize| !effects[e].is_linear();
+        let groups_of = |e: usize| places[e].chunks_exact(effects[e].nodes_per_group());
+        let over_means = over.contains(&true).then(|| {
+            let groups = (0..effects.len()).filter(|&e| over[e] && stiff(e)).flat_map(groups_of);
+            let pattern = Arc::new(Pattern::new(inner_means.len(), groups));
+            let galerkin = Galerkin::new(pattern, inner_means, free_nodes.len());
+            OverMeans { effects: over.clone(), galerkin }
+        });
+        let pairs = over_means.as_ref().map_or_else(Vec::new, |over| over.galerkin.pairs());
         let tied_places: Vec<Vec<u32>> =
             tied.iter().map(|t| t.nodes.iter().map(|&n| free_of(n)).collect()).collect();
-        let coupled: Vec<&[u32]> = effects
-            .iter()
-            .zip(&places)
-            .filter(|(effect, _)| !effect.is_linear())
-            .flat_map(|(effect, place)| place.chunks_exact(effect.nodes_per_group()))
+        let coupled: Vec<&[u32]> = (0..effects.len())
+            .filter(|&e| !over[e] && stiff(e))
+            .flat_map(groups_of)
             .chain(tied_places.iter().map(Vec::as_slice))
+            .chain(pairs.iter().map(|pair| pair.as_slice()))
             .collect();
         let pattern = Arc::new(Pattern::new(free_nodes.len(), coupled.iter().copied()));
-        let slots = effects.iter().zip(&places).map(|(e, p)| pattern.slots(e.nodes_per_group(), p)).collect();
+        let pattern_of = |e: usize| match &over_means {
+            Some(over) if over.effects[e] => over.galerkin.pattern(),
+            _ => &pattern,
+        };
+        let slots_of =
+            |(e, places): (usize, &Vec<u32>)| pattern_of(e).slots(effects[e].nodes_per_group(), places);
+        let slots = places.iter().enumerate().map(slots_of).collect();
         let rest = State { x: &X, controls: &vec![0.0; n_controls] };
         let mut prescribed = Vec::new();
         for (e, effect) in effects.iter().enumerate() {
@@ -138,6 +186,7 @@ impl Island {
             fixed,
             pattern,
             slots,
+            over_means,
             tied,
             prescribed,
             least_scale,
@@ -148,6 +197,20 @@ impl Island {
     pub fn terms(&self) -> Vec<Box<dyn IslandTerm>> {
         let contact = self.contact.iter();
         contact.map(|contact| Box::new(ContactTerm::new(contact)) as Box<dyn IslandTerm>).collect()
+    }
+
+    /// Effects that are put together over the free nodes.
+    pub(super) fn direct(&self) -> impl Iterator<Item = usize> {
+        (0..self.effects.len()).filter(|&e| !self.is_over_means(e))
+    }
+
+    /// Effects that are put together over nodes that are means of the free ones.
+    pub(super) fn over_means(&self) -> impl Iterator<Item = usize> {
+        (0..self.effects.len()).filter(|&e| self.is_over_means(e))
+    }
+
+    fn is_over_means(&self, effect: usize) -> bool {
+        self.over_means.as_ref().is_some_and(|over| over.effects[effect])
     }
 
     /// ∂Π/∂x of contact \[N\] over all local nodes, prescribed ones included; `None` where nothing can touch.

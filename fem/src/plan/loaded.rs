@@ -162,10 +162,16 @@ impl Potential for LoadedIsland {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         g.fill(0.0);
-        for (e, slots) in island.slots.iter().enumerate() {
+        let add = |e: usize, g: &mut [f64]| {
             self.effect(e, |effect| {
-                slots.add_vectors(g, FORCE_BATCH, |first, out| effect.forces(&s, first, out));
+                island.slots[e].add_vectors(g, FORCE_BATCH, |first, out| effect.forces(&s, first, out));
             });
+        };
+        island.direct().for_each(|e| add(e, g));
+        if let Some(over) = &island.over_means {
+            let mut forces = vec![0.0; 3 * over.galerkin.pattern().n_nodes()];
+            island.over_means().for_each(|e| add(e, &mut forces));
+            over.galerkin.add_forces(&forces, g);
         }
         let mut f = Vec::new();
         for t in &island.tied {
@@ -207,14 +213,20 @@ impl Potential for LoadedIsland {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         k.clear();
-        for (e, slots) in island.slots.iter().enumerate() {
+        let add = |e: usize, k: &mut BlockMatrix| {
             self.effect(e, |effect| {
                 if !effect.is_linear() {
-                    k.add_groups(slots, STIFFNESS_BATCH, |first, out| {
+                    k.add_groups(&island.slots[e], STIFFNESS_BATCH, |first, out| {
                         effect.stiffness(&s, convexity, first, out)
                     });
                 }
             });
+        };
+        island.direct().for_each(|e| add(e, k));
+        if let Some(over) = &island.over_means {
+            let mut inner = BlockMatrix::zeros(over.galerkin.pattern().clone());
+            island.over_means().for_each(|e| add(e, &mut inner));
+            over.galerkin.add_stiffness(&inner, k);
         }
         self.each_tied(&s, convexity, |t, full| {
             let n = 3 * t.nodes.len();
@@ -234,6 +246,15 @@ impl Potential for LoadedIsland {
 
     fn diagonal_blocks(&self, x: &[f64], blocks: &mut [f64]) {
         let island = &self.island;
+        if island.over_means.is_some() {
+            // Those of WᵀKW hang on blocks of K off its diagonal.
+            let mut k = BlockMatrix::zeros(island.pattern.clone());
+            self.hessian(x, 1.0, &mut k);
+            for (node, block) in blocks.as_chunks_mut::<9>().0.iter_mut().enumerate() {
+                *block = *k.diagonal_block(node);
+            }
+            return;
+        }
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
         blocks.fill(0.0);

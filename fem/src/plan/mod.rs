@@ -155,6 +155,7 @@ impl Plan {
         let strands = scene.strands.iter().map(|s| s.region.clone()).collect();
         warnings.extend(warning::of_forces(scene, &motion));
         warnings.extend(contact.iter().flat_map(|c| &c.surfaces).filter_map(warning::of_surface));
+        warnings.extend(embedded.iter().filter_map(warning::of_grid));
         warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         Ok(Plan {
             strands,

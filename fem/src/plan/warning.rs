@@ -3,7 +3,7 @@
 use super::contact::ContactSurface;
 use crate::mesh::quality::corner_dets;
 use crate::mesh::{LengthUnit, Mesh};
-use crate::plan::Motion;
+use crate::plan::{EmbeddedRegion, Motion};
 use crate::scene::{ForceSpec, Scene};
 
 /// Something that can be computed on and is probably a mistake, or that the answer depends on.
@@ -35,6 +35,13 @@ pub enum Warning {
         n_edges: usize,
         /// Nodes of one of them.
         nodes: [u32; 2],
+    },
+    /// Cubes of a grid that hold what does not hang together there.
+    Divided {
+        /// The region in the grid.
+        region: String,
+        /// Centres of the cubes in the mesh \[m\].
+        cubes: Vec<[f64; 3]>,
     },
     /// A force on a node that is held or moved in its direction: the support takes it, and nothing deforms.
     HeldForce {
@@ -82,6 +89,15 @@ impl std::fmt::Display for Warning {
                 "contact surface `{surface}` is open, with {n_edges} edges on its rim, one between nodes {a} and {b}: what lies behind its \
                  faces counts as inside, what lies beside its rim does not; close it where something can come round the rim"
             ),
+            Warning::Divided { region, cubes } => {
+                let [x, y, z] = cubes.first().map_or([f64::NAN; 3], |c| c.map(|x| x * 1e3));
+                write!(
+                    f,
+                    "embedded `{region}`: {} cubes hold pieces that do not hang together there, the first about ({x:.1}, {y:.1}, {z:.1}) mm; each \
+                     piece moves by itself; take smaller cubes where one body was meant",
+                    cubes.len()
+                )
+            }
             Warning::HeldForce { name, node, count } => write!(
                 f,
                 "force `{name}` acts on {count} nodes that are held or moved there, node {node} first: their supports take it, and nothing \
@@ -129,6 +145,12 @@ pub fn of_forces(scene: &Scene, motion: &[[Motion; 3]]) -> Vec<Warning> {
         Some(Warning::HeldForce { name: force.name.clone(), node: *node, count: 1 + nodes.count() })
     };
     scene.forces.iter().filter_map(of).collect()
+}
+
+/// A warning about a grid whose cubes hold more than one piece.
+pub fn of_grid(grid: &EmbeddedRegion) -> Option<Warning> {
+    let EmbeddedRegion { region, divided, .. } = grid;
+    (!divided.is_empty()).then(|| Warning::Divided { region: region.clone(), cubes: divided.clone() })
 }
 
 /// A warning about a contact surface that is open.

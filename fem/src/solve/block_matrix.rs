@@ -329,6 +329,17 @@ impl BlockMatrix {
         });
     }
 
+    /// Calls `change` with every row, its columns and its blocks, rows in parallel.
+    pub fn each_row(&mut self, change: impl Fn(usize, &[u32], &mut [[f64; 9]]) + Sync) {
+        let BlockMatrix { pattern, blocks, .. } = self;
+        let mut rest = blocks.as_mut_slice();
+        let rows: Vec<&mut [[f64; 9]]> = (0..pattern.n_nodes())
+            .map(|i| rest.split_off_mut(..pattern.row(i).len()).expect("the rows make up the matrix"))
+            .collect();
+        let rows = rows.into_par_iter().enumerate().with_min_len(64);
+        rows.for_each(|(i, row)| change(i, pattern.row(i), row));
+    }
+
     /// Adds symmetric `blocks`, ascending by (row, column): those outside the pattern are kept apart.
     pub fn couple(&mut self, blocks: &[([u32; 2], [f64; 9])]) {
         let mut outside = Vec::new();
@@ -395,15 +406,11 @@ impl BlockMatrix {
     /// All blocks on a pattern that they [fit](Self::fits).
     pub fn spread(&self, pattern: &Arc<Pattern>) -> BlockMatrix {
         let mut joint = BlockMatrix::zeros(pattern.clone());
-        let mut rest = joint.blocks.as_mut_slice();
-        let rows: Vec<&mut [[f64; 9]]> = (0..pattern.n_nodes())
-            .map(|i| rest.split_off_mut(..pattern.row(i).len()).expect("the rows make up the matrix"))
-            .collect();
-        rows.into_par_iter().enumerate().with_min_len(64).for_each(|(i, row)| {
+        joint.each_row(|i, columns, row| {
             let mine = self.pattern.row(i).iter().zip(self.row(i));
             let cross = self.cross.row(i).map(|at| (&self.cross.column[at], &self.cross.blocks[at]));
             for (column, block) in mine.chain(cross) {
-                let at = pattern.row(i).binary_search(column).expect("the matrix fits the pattern");
+                let at = columns.binary_search(column).expect("the matrix fits the pattern");
                 row[at] = *block;
             }
         });

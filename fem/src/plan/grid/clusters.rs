@@ -158,19 +158,12 @@ fn cluster<const N: usize, const G: usize>(
         own.sort_unstable();
         own.dedup();
         let at = |n: &u32| own.binary_search(n).expect("listed");
-        let sample = |g: usize| {
-            let mut b = vec![[0.0; 3]; own.len()];
-            for (mean, dn) in means.iter().zip(&element.dn[g]) {
-                for (n, w) in mean {
-                    let b = &mut b[at(n)];
-                    (0..3).for_each(|c| b[c] += w * dn[c]);
-                }
-            }
-            Sample { w: element.w[g], b }
-        };
-        let samples = (0..G).map(sample).collect();
+        let samples = (0..G).map(|g| Sample { w: element.w[g], dn: element.dn[g].to_vec() }).collect();
+        let number = |mean: &Mean| mean.iter().map(|(n, w)| (at(n) as u32, *w)).collect();
+        let means = means.iter().map(number).collect();
         let place = |n: &u32| all.binary_search(n).expect("listed") as u32;
-        parts.push(Part { nodes: own.iter().map(place).collect(), samples, volume: element.volume });
+        let nodes_of_part = own.iter().map(place).collect();
+        parts.push(Part { nodes: nodes_of_part, means, samples, volume: element.volume });
         let centroid = centroid(&nodes, mesh);
         (0..3).for_each(|c| sum[c] += element.volume * centroid[c]);
         volume += element.volume;

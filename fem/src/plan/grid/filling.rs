@@ -57,10 +57,7 @@ impl Filling {
         }
         let nearest =
             |start: &[u32], p: [f64; 3]| nearest_well(lattice, pieces, &at_corners, &is_well, start, p);
-        let centre = |piece: usize| {
-            let [low, .., high] = [0, 6].map(|i| lattice.place(Lattice::corners(pieces.cubes[piece])[i]));
-            std::array::from_fn(|c| 0.5 * (low[c] + high[c]))
-        };
+        let centre = |piece: usize| lattice.centre(pieces.cubes[piece]);
         let from = at_corners.iter().zip(&pieces.sites).map(|(at, &site)| {
             let is_held = at.iter().any(|&piece| is_well[piece as usize]);
             (!is_held).then(|| nearest(at, lattice.place(site)))

@@ -67,10 +67,15 @@ impl Lattice {
         std::array::from_fn(|c| self.origin[c] + self.edge * corner[c] as f64)
     }
 
+    /// Where the centre of a cube is \[m\].
+    pub fn centre(&self, cube: Site) -> [f64; 3] {
+        self.place(cube).map(|x| x + 0.5 * self.edge)
+    }
+
     /// Squared distance \[m²\] of the centre of a cube from a point.
     pub fn squared_distance(&self, cube: Site, p: [f64; 3]) -> f64 {
-        let place = self.place(cube);
-        (0..3).map(|c| (place[c] + 0.5 * self.edge - p[c]).powi(2)).sum()
+        let centre = self.centre(cube);
+        (0..3).map(|c| (centre[c] - p[c]).powi(2)).sum()
     }
 }
 

@@ -43,8 +43,8 @@ pub struct EmbeddedRegion {
     pub nodes: std::ops::Range<u32>,
     /// Pieces of cubes that hold nodes of it.
     pub n_pieces: usize,
-    /// Cubes in which it is in more pieces than one.
-    pub n_divided: usize,
+    /// Centres \[m\] of the cubes in which it is in more pieces than one.
+    pub divided: Vec<[f64; 3]>,
     /// Pieces too small to hold corners that they need, which are extrapolated from others.
     pub n_badly_filled: usize,
 }
@@ -155,7 +155,7 @@ fn embed_one(
         n_embedded: own.len(),
         nodes: first..mesh.points.len() as u32,
         n_pieces: pieces.cubes.len(),
-        n_divided: pieces.n_divided(),
+        divided: pieces.divided().map(|cube| lattice.centre(cube)).collect(),
         n_badly_filled: filling.n_bad(),
     });
     Ok(())

@@ -61,10 +61,10 @@ impl Pieces {
         Pieces { cubes, of_element, of_node, corners, sites }
     }
 
-    /// Number of cubes with more than one piece.
-    pub fn n_divided(&self) -> usize {
+    /// Cubes with more than one piece.
+    pub fn divided(&self) -> impl Iterator<Item = Site> {
         // Pieces of a cube follow each other.
-        self.cubes.chunk_by(|a, b| a == b).filter(|pieces| pieces.len() > 1).count()
+        self.cubes.chunk_by(|a, b| a == b).filter(|pieces| pieces.len() > 1).map(|pieces| pieces[0])
     }
 
     /// Pieces that have each corner.

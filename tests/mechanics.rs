@@ -1,0 +1,28 @@
+//! What `fem` computes: a file each, in one program, which is linked once and whose tests run side by side.
+
+mod conservation;
+#[path = "contact/main.rs"]
+mod contact;
+mod convergence;
+mod derivatives;
+mod drive_table;
+mod dynamics;
+mod embedded;
+#[path = "explicit/main.rs"]
+mod explicit;
+mod fem_benchmarks;
+mod free_bodies;
+mod inertia;
+mod invariance;
+mod own_terms;
+mod patch;
+mod pressure;
+mod rollers;
+mod run_files;
+mod scene;
+mod sides;
+mod solver;
+mod strings;
+mod surfaces;
+mod user_laws;
+mod verdict;
