@@ -1,9 +1,15 @@
 //! Where the quadriceps pulls: five heads, each a string of given tension from the patella to its muscle, over whatever of the femur is in its way.
 //!
 //! Shares and directions are those with which cadaver knees are loaded since Farahmand, Senavongse & Amis, J Orthop Res 16:136-143 (1998), who
-//! measured them: cross-section areas of rectus femoris with vastus intermedius 35 %, long and oblique vastus lateralis 33 and 9 %, long
-//! and oblique vastus medialis 14 and 9 %; directions in extension against the shaft of the femur. Shares stand as others quote them; directions
-//! stand from memory and want checking against the paper.
+//! measured them: rectus femoris with vastus intermedius 35 %, long and oblique vastus lateralis 33 and 9 %, long and oblique vastus medialis 14
+//! and 9 %; directions in extension against the shaft of the femur.
+//!
+//! What of it was read: that paper's abstract (PubMed 9565086) estimates 35 % for the middle, 40 % for vastus lateralis and 25 % for medialis from
+//! cross-sections, with lateralis over medialis from 0.90 to 2.18 between knees, and finds both parts of medialis more oblique than those of
+//! lateralis. A cadaver study that follows it (J Exp Orthop 2018, doi:10.1186/s40634-018-0140-x, its figure 1) loads 35, 42 and 23 %, the sums of
+//! the shares here. With 40 and 25 % the patella stays within 0.7 degrees and 0.4 mm of where it is with these on all the way under
+//! 200 N, and the sum of NRMSD against the measured poses goes from 2.86 to 2.94.
+//! Directions were found in no source that could be read; they stand from memory, in the order of obliquity that the abstract states.
 
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
