@@ -1,13 +1,16 @@
 //! C7 on a real knee: the patella free in six coordinates, the tibia prescribed from 0 to 137.5 degrees.
 
+#![allow(non_snake_case)]
+
 use crate::sweeps::rapid_fraction;
 use crate::{Case, Outcome, Tier};
+use coupling::knee::anatomy::Bone;
 use coupling::knee::deep::{DeepFlexion, deviations};
 use coupling::knee::flexion::{Bent, FlexionFrame, flex};
 use coupling::knee::pose::Coordinates;
 use fem::scene::ContactMode;
 use fem::solve::Settings;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Matrix4, Point3, UnitQuaternion, Vector3, Vector4};
 use support::shared;
 
 pub const CASES: &[Case] = &[
@@ -34,6 +37,30 @@ pub const CASES: &[Case] = &[
         title: "patella of a real knee, 1000 N, guarded",
         tier: Tier::Full,
         run: || bent(Guarded, 1e3),
+    },
+    Case {
+        id: "C7j",
+        title: "patella of a real knee neither jumps nor chatters, 200 N, cheap",
+        tier: Tier::Full,
+        run: || smooth(Cheap, 200.0),
+    },
+    Case {
+        id: "C7j",
+        title: "patella of a real knee neither jumps nor chatters, 200 N, guarded",
+        tier: Tier::Full,
+        run: || smooth(Guarded, 200.0),
+    },
+    Case {
+        id: "C7j",
+        title: "patella of a real knee neither jumps nor chatters, 1000 N, cheap",
+        tier: Tier::Full,
+        run: || smooth(Cheap, 1e3),
+    },
+    Case {
+        id: "C7j",
+        title: "patella of a real knee neither jumps nor chatters, 1000 N, guarded",
+        tier: Tier::Full,
+        run: || smooth(Guarded, 1e3),
     },
     Case {
         id: "C7m",
@@ -101,6 +128,111 @@ fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
         && iterations <= ITERATIONS
         && chatter < CHATTER;
     if good { Ok(text) } else { Err(text) }
+}
+
+/// Flexion from frame to frame \[degrees\]: that of the published bars, and half of it.
+const STRIDES: [f64; 2] = [2.5, 1.25];
+/// Mean edge of the surfaces of cartilage \[mm\]: what hops from facet to facet goes so far at once.
+const FACET: f64 = 0.76;
+/// Strands of the ligament: springs of the knee whose ends they have, with their stiffness \[N/mm\].
+const LIGAMENT: [(&str, f64); 6] =
+    [("PT1", 86.5), ("PT5", 86.5), ("PT3", 139.0), ("PT4", 139.0), ("PT6", 100.5), ("PT2", 100.5)];
+
+/// Whether steps and forces are those of a smooth way. The published bars ask it of the size of a step and of the spectrum of a curve, which also see
+/// how fast the tibia takes the patella along, and that a curve ends with a slope. Here what the tibia prescribes is taken off each step, and the
+/// smoothed curve off the force; at half the stride, where a jump would be as great as before.
+fn smooth(mode: ContactMode, quadriceps: f64) -> Outcome {
+    let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
+    let knee = subject.knee(mode).map_err(|e| e.to_string())?;
+    let ends = ligament(&subject);
+    let mut found = Vec::new();
+    let mut crossed = 0;
+    for stride in STRIDES {
+        let n = (137.5 / stride) as usize;
+        let poses: Vec<Coordinates> = (0..=n).map(|k| subject.path.at(k as f64 * stride)).collect();
+        let Bent { frames, stopped, .. } = flex(&knee, &poses, quadriceps, &Settings::default());
+        if let Some(stopped) = stopped {
+            return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
+        }
+        if mode == Guarded {
+            crossed += frames.iter().map(|f| subject.crossings(&f.patella)).sum::<usize>();
+        }
+        let steps = frames.windows(2).map(|w| (w[1].step_from(&w[0])[1], prescribed(&w[0], &w[1], &ends)));
+        // Of the longest step, and of the one that has most left.
+        let longest = steps.clone().max_by(|a, b| a.0.total_cmp(&b.0)).expect("frames");
+        let free = steps.map(|(step, of)| (step - of).abs()).fold(0.0, f64::max);
+        let forces: Vec<f64> = frames.iter().map(|f| f.contact.force.norm()).collect();
+        found.push((longest, free, off_smooth(&forces)));
+    }
+    let parts: Vec<String> = (STRIDES.iter().zip(&found))
+        .map(|(stride, ((step, of), free, off))| {
+            format!(
+                "every {stride} degrees: longest step {step:.2} mm, {of:.2} of it prescribed, at most {free:.2} mm not; {:.2} % of the contact force off its smoothed curve",
+                100.0 * off
+            )
+        })
+        .collect();
+    let text = format!("{}; {crossed} pairs of triangles intersect", parts.join("; "));
+    let halves = |k: usize| found[k].1 <= FACET * STRIDES[k] / STRIDES[0];
+    if crossed == 0 && halves(0) && halves(1) && found[1].2 < CHATTER { Ok(text) } else { Err(text) }
+}
+
+/// Ends of the ligament at tibia and patella in their own frames \[m\], means of its strands by stiffness.
+fn ligament(subject: &DeepFlexion) -> [Point3<f64>; 2] {
+    let anatomy = &subject.anatomy;
+    [Bone::Tibia, Bone::Patella].map(|bone| {
+        let own = anatomy.frame(bone).inverse();
+        let end = |(name, k): &(&str, f64)| {
+            let spring = anatomy.springs.iter().find(|s| s.name == *name).expect("a strand has it");
+            let (_, at) = spring.ends.iter().find(|e| e.0 == bone).expect("from the tibia to the patella");
+            *k * (own * at).coords
+        };
+        let all: f64 = LIGAMENT.iter().map(|l| l.1).sum();
+        Point3::from(LIGAMENT.iter().map(end).sum::<Vector3<f64>>() / all)
+    })
+}
+
+/// How far \[mm\] the patella would have to go on its way from one frame to the next for its ligament to keep its length: what the tibia prescribes.
+/// Nothing of the solver is in it but the way.
+fn prescribed(from: &FlexionFrame, to: &FlexionFrame, [tubercle, apex]: &[Point3<f64>; 2]) -> f64 {
+    let [a, b] = [from, to].map(|f| f.patella.pose());
+    let turn = (a.rotation.inverse() * b.rotation).scaled_axis();
+    let shift = b.translation.vector - a.translation.vector;
+    let tibia = to.tibia.pose() * tubercle;
+    let kept = (from.tibia.pose() * tubercle - a * apex).norm();
+    let longer = |s: f64| {
+        let pose = Isometry3::from_parts(
+            (a.translation.vector + s * shift).into(),
+            a.rotation * UnitQuaternion::from_scaled_axis(s * turn),
+        );
+        (tibia - pose * apex).norm() - kept
+    };
+    // The ligament is the longer the less far the patella has gone: from where it is to half as far again.
+    let (mut lo, mut hi) = (0.0, 1.5);
+    for _ in 0..60 {
+        let middle = 0.5 * (lo + hi);
+        if longer(middle) > 0.0 { lo = middle } else { hi = middle }
+    }
+    1e3 * lo * shift.norm()
+}
+
+/// The most that a curve is off itself smoothed, over its value there. Smoothed: cubics through nine values by least squares, those at the ends
+/// through the first and last nine (Savitzky & Golay, Anal Chem 36:1627, 1964).
+fn off_smooth(curve: &[f64]) -> f64 {
+    const WINDOW: usize = 9;
+    let off = |i: usize| {
+        let first = i.saturating_sub(WINDOW / 2).min(curve.len() - WINDOW);
+        let power = |j: usize, p: usize| (j as f64 - i as f64).powi(p as i32);
+        let (mut A, mut b) = (Matrix4::zeros(), Vector4::zeros());
+        for j in first..first + WINDOW {
+            let row = Vector4::from_fn(|p, _| power(j, p));
+            A += row * row.transpose();
+            b += curve[j] * row;
+        }
+        let smoothed = A.try_inverse().expect("nine places").row(0).transpose().dot(&b);
+        ((curve[i] - smoothed) / curve[i]).abs()
+    };
+    (0..curve.len()).map(off).fold(0.0, f64::max)
 }
 
 /// The measured poses of the tibia imposed: RMSD of the patella by coordinate, in brackets over the mean of the measured values.

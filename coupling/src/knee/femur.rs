@@ -17,8 +17,9 @@ const SUNK: f64 = 1.4e-3;
 /// Thickness \[m\] of cartilage at its rim (median over the sheet): there it slopes down to the bone.
 const RIM: f64 = 2.2e-3;
 
-/// The distance to a femur, in whose own frame its cartilage (an open sheet, normals outward) and bone are given.
-pub fn field(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, SurfaceError> {
+/// The distance to a femur, in whose own frame its cartilage (an open sheet, normals outward) and bone are given; all of it lies `raised` \[m\]
+/// farther out.
+pub fn field(cartilage: &Surface, bone: &Surface, raised: f64) -> Result<DistanceField, SurfaceError> {
     let sloped = with_slope(cartilage);
     let n_sheet = cartilage.triangles.len();
     let mut normals = vec![Vector3::zeros(); sloped.points.len()];
@@ -48,7 +49,14 @@ pub fn field(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, Surfa
         }
     };
     let [lo, hi] = BOX.map(Vector3::from);
-    Ok(DistanceField::new(lo, hi, SPACING, distance))
+    Ok(DistanceField::new(lo, hi, SPACING, |p: &Vector3<f64>| distance(p) - raised))
+}
+
+/// How far \[m\] a smooth femur lies below the points of its cartilage at most: so far it has to be raised for whatever stays off it to stay off
+/// the triangles. A smooth distance rounds off what is curved outward: 0.02 mm over a condyle, 0.2 mm along the rim of the sheet.
+pub fn below(field: &DistanceField, cartilage: &Surface) -> f64 {
+    let depth = |p: &[f64; 3]| field.at(&Vector3::from(*p)).map_or(0.0, |at| at.distance);
+    cartilage.points.iter().map(depth).fold(0.0, f64::max)
 }
 
 /// A sheet with a slope along its rim, down to the bone and twice as far out.

@@ -140,14 +140,47 @@ impl TibiaPath {
         &self.rows
     }
 
-    /// The pose at a flexion \[degrees\], linear between rows; that of the nearest end outside.
+    /// The pose at a flexion \[degrees\]; that of the nearest end outside. Between rows cubic, with the slope at a row of the parabola through it
+    /// and its neighbours: a tibia whose velocity jumps at every row would let the contact force of the patella zigzag between rows.
     pub fn at(&self, flexion: f64) -> Coordinates {
         let [first, last] = self.range();
         let flexion = flexion.clamp(first, last);
         let next = self.rows.partition_point(|r| r.flexion < flexion).max(1).min(self.rows.len() - 1);
-        let [a, b] = [self.rows[next.saturating_sub(1)], self.rows[next]].map(Coordinates::to_array);
-        let t = if b[0] > a[0] { (flexion - a[0]) / (b[0] - a[0]) } else { 0.0 };
-        Coordinates::from_array(std::array::from_fn(|c| a[c] + t * (b[c] - a[c])))
+        let before = next.saturating_sub(1);
+        let [a, b] = [before, next].map(|k| self.rows[k].to_array());
+        let h = b[0] - a[0];
+        if h <= 0.0 {
+            return self.rows[before];
+        }
+        let t = (flexion - a[0]) / h;
+        let [p, q] = [before, next].map(|k| self.slope(k));
+        let between = |c: usize| {
+            let chord = b[c] - a[c];
+            // What the slopes at both ends have more than the chord.
+            let [more_p, more_q] = [h * p[c] - chord, h * q[c] - chord];
+            a[c] + t * chord + t * (1.0 - t) * ((1.0 - t) * more_p - t * more_q)
+        };
+        Coordinates::from_array(std::array::from_fn(|c| if c == 0 { flexion } else { between(c) }))
+    }
+
+    /// Slope of every coordinate over flexion at a row: that of the parabola through it and its two neighbours, at an end through the last three
+    /// rows; of two rows that of their line.
+    fn slope(&self, row: usize) -> [f64; 6] {
+        let n = self.rows.len();
+        let middle = row.clamp(1, n.saturating_sub(2).max(1));
+        let secant = |k: usize| {
+            let [a, b] = [k, k + 1].map(|k| self.rows[k].to_array());
+            std::array::from_fn::<f64, 6, _>(|c| (b[c] - a[c]) / (b[0] - a[0]))
+        };
+        if n < 3 {
+            return secant(0);
+        }
+        let at = |k: usize| self.rows[k].flexion;
+        let [left, right] = [secant(middle - 1), secant(middle)];
+        std::array::from_fn(|c| {
+            let bend = (right[c] - left[c]) / (at(middle + 1) - at(middle - 1));
+            left[c] + bend * (2.0 * at(row) - at(middle - 1) - at(middle))
+        })
     }
 }
 
@@ -242,12 +275,28 @@ mod tests {
     }
 
     #[test]
-    fn a_path_is_linear_between_its_rows_and_its_mistakes_are_named_all_at_once() {
+    fn a_path_is_smooth_between_its_rows_and_its_mistakes_are_named_all_at_once() {
         let header = COLUMNS.join(",");
         let path = |rows: &str| TibiaPath::parse(&format!("{header}\n{rows}"), "t.csv".as_ref());
         let good = path("0,0,0,1,2,3\n10,1,4,2,0,3\n").unwrap();
         assert_eq!(good.at(2.5).to_array(), [2.5, 0.25, 1.0, 1.25, 1.5, 3.0]);
         assert_eq!([good.at(-5.0), good.at(50.0)], [good.rows()[0], good.rows()[1]]);
+        // A parabola is itself, over rows that are not evenly spaced, and nothing but its rows is known where it ends.
+        let bent = |f: f64| 0.01 * f * f - 0.3 * f + 1.0;
+        let rows: String =
+            [0.0, 4.0, 10.0, 13.0].iter().map(|f| format!("{f},{},0,0,0,0\n", bent(*f))).collect();
+        let curved = path(&rows).unwrap();
+        for f in [0.0, 1.0, 3.9, 4.0, 4.1, 7.0, 12.0, 13.0] {
+            assert!((curved.at(f).turn_x - bent(f)).abs() < 1e-12, "{f}: {}", curved.at(f).turn_x);
+        }
+        // Nowhere does its velocity jump, whatever the rows.
+        let wild = path("0,0,0,0,0,0\n5,0,0,3,0,0\n7,0,0,-1,0,0\n12,0,0,0,0,0\n").unwrap();
+        let x = |f: f64| wild.at(f).place[0];
+        for row in [5.0, 7.0] {
+            let h = 1e-6;
+            let [before, after] = [(x(row) - x(row - h)) / h, (x(row + h) - x(row)) / h];
+            assert!((before - after).abs() < 1e-4, "{row}: {before} {after}");
+        }
         let said = path("0,0,0,1,2,3\n-1,0,0,0,0,0\n40,0,0,0,0,0\n").unwrap_err().to_string();
         let needed =
             ["t.csv", "line 3: knee_flexion_deg is -1, must be above 0", "line 4: the tibia turns by 41.0"];

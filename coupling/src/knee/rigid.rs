@@ -297,9 +297,15 @@ impl RigidKnee {
             Bone::Patella => patella * own(bone),
         };
         let bone = moved(&anatomy.femur, &own(Bone::Femur));
-        let field = Arc::new(femur::field(&moved(&anatomy.femoral_cartilage, &own(Bone::Femur)), &bone)?);
+        let sheet = moved(&anatomy.femoral_cartilage, &own(Bone::Femur));
+        let field = Arc::new(femur::field(&sheet, &bone, 0.0)?);
+        let solid = match mode {
+            ContactMode::Cheap => field.clone(),
+            // What samples of the patella stay off encloses the triangles of the femur.
+            ContactMode::Guarded => Arc::new(femur::field(&sheet, &bone, femur::below(&field, &sheet))?),
+        };
         let patellar = moved(&anatomy.patellar_cartilage, &to_reference(Bone::Patella));
-        let lifted = lift(&field, &patellar).ok_or(KneeError::NoGroove)?;
+        let lifted = lift(&solid, &patellar).ok_or(KneeError::NoGroove)?;
         let lift = Translation3::new(lifted, 0.0, 0.0);
         let mut draft = Draft::default();
         let patellar = moved(&patellar, &lift.into());
@@ -336,14 +342,14 @@ impl RigidKnee {
         let own = |mesh: &Mesh, names: &mut Names| {
             let control = names.control(QUADRICEPS);
             Ok(vec![
-                resting_patella(mesh, &field, &patellar, layer(mode)),
+                resting_patella(mesh, &solid, &patellar, layer(mode)),
                 pulling_strings(&strings, control),
             ])
         };
         let plan = Plan::with_terms(&scene, mesh, &own)?;
         let frame = plan.free_bodies[0].frame;
         let samples = samples(&plan.mesh, frame, &patellar);
-        let cartilage = Obstacle::new("cartilage", field.clone(), layer(mode), &[frame], vec![samples]);
+        let cartilage = Obstacle::new("cartilage", solid, layer(mode), &[frame], vec![samples]);
         let control = plan.controls.iter().position(|c| c == QUADRICEPS).expect("named by the strings");
         let nodes: Vec<[u32; 1]> = strings.iter().map(|s| [s.node]).collect();
         let strings = built("strings", &nodes, &strings, control);
