@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use fem::mesh::LengthUnit;
+use fem::mesh::format::vtu::{self, Vtu};
 use support::{sartorius, shared};
 
 /// What is left of forces \[N\] and moments \[N mm\] on the patella at most.
@@ -73,6 +75,20 @@ fn the_patella_of_a_real_knee_goes_through_deep_flexion() {
         let rmsd = (squared / found.len() as f64).sqrt();
         assert!(found.len() >= 8 && rmsd < most, "{name}: {rmsd}");
     }
+    // Frames: one per row, strands with their tension, the patella where the table has it.
+    let series = std::fs::read_to_string(one.join("frames/knee.pvd")).unwrap();
+    assert_eq!(series.matches("name=\"strands\"").count(), 56);
+    let Vtu { mesh, cell_data, .. } =
+        vtu::read(&one.join("frames/knee_0055_strands.vtu"), LengthUnit::Metre).unwrap();
+    let tension = cell_data.iter().find(|f| f.name == "tension_N").unwrap();
+    assert_eq!(mesh.blocks.len(), 17);
+    let mut first = 0;
+    for block in &mesh.blocks {
+        let said = of[&format!("{}_N", block.name)][55];
+        assert!((tension.values[first] - said).abs() < 1e-6 * said.abs().max(1.0), "{}", block.name);
+        first += block.n_cells();
+    }
+    assert!(one.join("frames/femur.pvd").is_file());
     assert!(std::fs::read_to_string(one.join("report.html")).unwrap().contains("retinaculum medial 1"));
 }
 

@@ -4,6 +4,7 @@ pub mod anatomy;
 pub mod deep;
 pub mod femur;
 pub mod flexion;
+pub mod frames;
 pub mod pose;
 pub mod quadriceps;
 pub mod rigid;

@@ -398,6 +398,14 @@ impl RigidKnee {
         });
         straight.chain(sliding).collect()
     }
+
+    /// Where every strand goes with the nodes at `x` \[m\], in the order of [`RigidKnee::strands`].
+    pub fn ways(&self, x: &[f64]) -> Vec<Vec<Point3<f64>>> {
+        let place = |n: u32| Point3::from(Vector3::from_column_slice(&x[3 * n as usize..][..3]));
+        let straight = self.ligament.iter().map(|(nodes, ..)| nodes.iter().map(|&n| place(n)).collect());
+        let n = self.strands.len() - self.ligament.len();
+        straight.chain((0..n).map(|e| self.strings.way(e, x).places.to_vec())).collect()
+    }
 }
 
 /// Strings that end at `nodes`, with the number of the control of the quadriceps.

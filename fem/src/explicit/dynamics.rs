@@ -55,14 +55,9 @@ impl Dynamics {
         step: usize,
         log: &mut Vec<Iteration>,
     ) -> Result<Advance, SolveError> {
-        self.settings.check()?;
         let clock = Instant::now();
         let start = x.to_vec();
-        potential.set_load(0.0, x);
-        if !potential.energy(x).is_finite() {
-            let (det_f, place) = potential.least_det_f(x);
-            return Err(SolveError::Inadmissible { island: self.name.clone(), step, place, det_f });
-        }
+        self.settings.begin(potential, x, &self.name, step)?;
         let mut report = Advance { load_steps: 1, ..Advance::default() };
         match self.go(potential, x, moving, &mut report) {
             Ok(motion) => {

@@ -63,13 +63,8 @@ impl Relaxation {
         step: usize,
         log: &mut Vec<Iteration>,
     ) -> Result<Advance, SolveError> {
-        self.settings.check()?;
         let start = Instant::now();
-        potential.set_load(0.0, x);
-        if !potential.energy(x).is_finite() {
-            let (det_f, place) = potential.least_det_f(x);
-            return Err(SolveError::Inadmissible { island: self.name.clone(), step, place, det_f });
-        }
+        self.settings.begin(potential, x, &self.name, step)?;
         let mut run = Run {
             name: &self.name,
             settings: self.settings,

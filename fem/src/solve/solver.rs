@@ -173,6 +173,24 @@ impl Settings {
             mistakes => Err(SolveError::Settings { mistakes }),
         }
     }
+
+    /// Puts a potential at the start of a load, as every solver does first. Settings that cannot be and a start that is not admissible are errors,
+    /// in the name of the island and the step.
+    pub(crate) fn begin(
+        &self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        island: &str,
+        step: usize,
+    ) -> Result<(), SolveError> {
+        self.check()?;
+        potential.set_load(0.0, x);
+        if potential.energy(x).is_finite() {
+            return Ok(());
+        }
+        let (det_f, place) = potential.least_det_f(x);
+        Err(SolveError::Inadmissible { island: island.to_string(), step, place, det_f })
+    }
 }
 
 /// Solver of one island; keeps what the next step can use.
@@ -217,13 +235,8 @@ impl Solver {
         step: usize,
         log: &mut Vec<Iteration>,
     ) -> Result<Advance, SolveError> {
-        self.settings.check()?;
         let start = Instant::now();
-        potential.set_load(0.0, x);
-        if !potential.energy(x).is_finite() {
-            let (det_f, place) = potential.least_det_f(x);
-            return Err(SolveError::Inadmissible { island: self.name.clone(), step, place, det_f });
-        }
+        self.settings.begin(potential, x, &self.name, step)?;
         let (name, settings) = (self.name.clone(), self.settings);
         let Kept { linear, k, supported, .. } = self.prepare(potential, x)?;
         let mut run = Run {

@@ -16,6 +16,7 @@ use coupling::comparison::ONE_WAY_FOLDER;
 use coupling::configuration::Configuration;
 
 use super::OutputError;
+use super::deep_flexion::KNEE_FRAMES;
 
 /// Name of the file that is written last: a folder that holds it is complete.
 pub const RUN_FILE: &str = "run.json";
@@ -164,7 +165,7 @@ impl Held {
                 .into_iter()
                 .chain([ONE_WAY_FOLDER])
                 .map(|folder| [folder, FRAMES]);
-            for [folder, name] in of_thighs.chain([OWN_FRAMES]) {
+            for [folder, name] in of_thighs.chain([OWN_FRAMES]).chain(KNEE_FRAMES) {
                 let folder = path.join(folder);
                 fem::output::remove_run(&folder, name)
                     .map_err(|e| OutputError::at("remove the old frames in", &folder, io::Error::other(e)))?;

@@ -1,14 +1,13 @@
 //! What `compare` writes beside the frames of its configurations: the table, forces for OpenSim users, the page.
 
 use std::io::{self, Write};
-use std::path::Path;
 
 use fem::restart::remove_states;
 
 use super::atomic::OutputFolder;
 use super::run::{self, RunRecord};
 use super::tables::Series;
-use super::{OutputError, sto};
+use super::{OutputError, names_in, sto};
 use crate::report::compare::{CompareReport, OneWayRow, compare_page};
 use coupling::comparison::ONE_WAY_FOLDER;
 use coupling::configuration::Configuration::{self, WithContact, WithoutContact};
@@ -69,14 +68,6 @@ pub fn write_compare(
     record.peak_memory_mib = run::peak_memory_mib();
     out.finish(&record)?;
     Ok(record)
-}
-
-/// Names of the files of a folder, sorted; none where it is absent.
-fn names_in(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    names
 }
 
 /// A force per muscle at the time of each step.

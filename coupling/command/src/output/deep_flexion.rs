@@ -1,4 +1,4 @@
-//! What `step deep_flexion` writes: `patella.csv`, `measured.csv`, a page, and `run.json`.
+//! What `step deep_flexion` writes: `patella.csv`, `measured.csv`, frames for ParaView, a page, and `run.json`.
 
 use std::time::Instant;
 
@@ -9,8 +9,14 @@ use super::atomic::OutputFolder;
 use super::run::RunRecord;
 use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
+use coupling::knee::frames::{FEMUR, FRAMES, write_frames};
 use coupling::knee::pose::PATELLA;
 use coupling::knee::rigid::RigidKnee;
+
+/// Folder of the frames.
+const FRAMES_FOLDER: &str = "frames";
+/// The series in it.
+pub const KNEE_FRAMES: [[&str; 2]; 2] = [[FRAMES_FOLDER, FRAMES], [FRAMES_FOLDER, FEMUR]];
 
 /// A knee that was bent under load and, along its measured poses, without.
 pub struct Results<'a> {
@@ -37,6 +43,9 @@ pub fn write_deep_flexion(
     let started = Instant::now();
     out.write("patella.csv", |w| patella(w, results.knee, results.deep))?;
     out.write("measured.csv", |w| measured(w, results))?;
+    let frames = out.path().join(FRAMES_FOLDER);
+    write_frames(&frames, &results.scene.anatomy, results.knee, results.deep)
+        .map_err(|e| OutputError::at("write the frames in", &frames, std::io::Error::other(e)))?;
     let page = crate::report::deep_flexion::page(results);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = Some(json!({
@@ -44,7 +53,9 @@ pub fn write_deep_flexion(
         "frames_asked": results.scene.poses().len(),
         "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
     }));
-    super::finish(out, record, started)
+    let listed = super::names_in(&frames).into_iter().map(|name| format!("{FRAMES_FOLDER}/{name}"));
+    let listed: Vec<String> = listed.collect();
+    super::finish_with(out, record, started, listed)
 }
 
 /// A row per frame: the patella, its contact, tension and strain of every strand.

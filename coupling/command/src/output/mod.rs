@@ -93,6 +93,14 @@ impl OutputError {
     }
 }
 
+/// Names of the files of a folder, sorted; none where it is absent.
+fn names_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
 /// Writes everything that `optimize` promises into `out` and returns the names of the files, `run.json` last.
 ///
 /// `record` comes with the stages timed so far; the time for writing is added here. All files but `run.json`
@@ -202,7 +210,18 @@ fn write_leg(out: &mut OutputFolder, within: &str, report: &OptimizeReport) -> R
 
 /// Completes the record and the folder.
 fn finish(out: OutputFolder, record: &mut RunRecord, started: Instant) -> Result<Vec<String>, OutputError> {
+    finish_with(out, record, started, Vec::new())
+}
+
+/// The same with files that were written past `out`.
+fn finish_with(
+    out: OutputFolder,
+    record: &mut RunRecord,
+    started: Instant,
+    files: Vec<String>,
+) -> Result<Vec<String>, OutputError> {
     record.files = out.files().to_vec();
+    record.files.extend(files);
     record.stage("write", started.elapsed());
     record.peak_memory_mib = run::peak_memory_mib();
     out.finish(record)

@@ -1,0 +1,67 @@
+//! A bent knee as ParaView sees it: what moves frame by frame, and the femur, which does not.
+
+use std::path::Path;
+
+use fem::geometry::Surface;
+use fem::mesh::format::pvd::{Part, PvdWriter};
+use fem::mesh::format::vtu::Field;
+use fem::mesh::{CellBlock, CellKind, Mesh, MeshError};
+use nalgebra::{Isometry3, Point3};
+
+use super::anatomy::{Bone, KneeAnatomy};
+use super::flexion::Bent;
+use super::rigid::RigidKnee;
+
+/// Name of the series of frames.
+pub const FRAMES: &str = "knee";
+/// Name of the femur beside it.
+pub const FEMUR: &str = "femur";
+
+/// Writes `knee.pvd` with a step per frame, its time the knee flexion \[degrees\], and `femur.pvd`, all in the frame of the femur.
+pub fn write_frames(
+    folder: &Path,
+    anatomy: &KneeAnatomy,
+    knee: &RigidKnee,
+    bent: &Bent,
+) -> Result<(), MeshError> {
+    let own = |bone: Bone| anatomy.frame(bone).inverse();
+    let mut femur = Mesh::default();
+    add(&mut femur, "femur", &anatomy.femur, &own(Bone::Femur));
+    add(&mut femur, "femoral_cartilage", &anatomy.femoral_cartilage, &own(Bone::Femur));
+    PvdWriter::create(folder, FEMUR)?.push(0.0, &femur, &[], &[])?;
+    let mut series = PvdWriter::create(folder, FRAMES)?;
+    for (frame, solved) in bent.frames.iter().zip(&bent.run.frames) {
+        let mut bones = Part { name: "bones", mesh: Mesh::default(), point_data: vec![], cell_data: vec![] };
+        let tibia = frame.tibia.pose() * own(Bone::Tibia);
+        let patella = frame.patella.pose() * own(Bone::Patella);
+        for (name, surface) in ["medial", "lateral"].into_iter().zip(&anatomy.tibial_cartilage) {
+            add(&mut bones.mesh, &format!("tibial_cartilage_{name}"), surface, &tibia);
+        }
+        add(&mut bones.mesh, "patella", &anatomy.patella, &patella);
+        add(&mut bones.mesh, "patellar_cartilage", &anatomy.patellar_cartilage, &patella);
+        let mut strands = Mesh::default();
+        let (mut tension, mut strain) = (Vec::new(), Vec::new());
+        for ((name, way), state) in knee.strands.iter().zip(knee.ways(&solved.x)).zip(&frame.strands) {
+            let first = strands.points.len() as u32;
+            strands.points.extend(way.iter().map(|p| <[f64; 3]>::from(*p)));
+            let segments = (first..strands.points.len() as u32 - 1).flat_map(|n| [n, n + 1]).collect();
+            strands.blocks.push(CellBlock { name: name.clone(), kind: CellKind::Line2, nodes: segments });
+            tension.extend(std::iter::repeat_n(state.tension, way.len() - 1));
+            strain.extend(std::iter::repeat_n(state.strain, way.len() - 1));
+        }
+        let field =
+            |name: &str, values: Vec<f64>| Field { name: name.into(), components: 1, values: values.into() };
+        let cell_data = vec![field("tension_N", tension), field("strain", strain)];
+        let strands = Part { name: "strands", mesh: strands, point_data: vec![], cell_data };
+        series.push_parts(frame.tibia.flexion, &[bones, strands])?;
+    }
+    Ok(())
+}
+
+/// Adds a surface where a pose has it.
+fn add(mesh: &mut Mesh, name: &str, surface: &Surface, pose: &Isometry3<f64>) {
+    let first = mesh.points.len() as u32;
+    mesh.points.extend(surface.points.iter().map(|p| <[f64; 3]>::from(pose * Point3::from(*p))));
+    let nodes = surface.triangles.iter().flatten().map(|n| n + first).collect();
+    mesh.blocks.push(CellBlock { name: name.into(), kind: CellKind::Tri3, nodes });
+}
