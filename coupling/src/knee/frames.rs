@@ -49,13 +49,15 @@ pub fn write_frames(
             tension.extend(std::iter::repeat_n(state.tension, way.len() - 1));
             strain.extend(std::iter::repeat_n(state.strain, way.len() - 1));
         }
-        let field =
-            |name: &str, values: Vec<f64>| Field { name: name.into(), components: 1, values: values.into() };
         let cell_data = vec![field("tension_N", tension), field("strain", strain)];
         let strands = Part { name: "strands", mesh: strands, point_data: vec![], cell_data };
         series.push_parts(frame.tibia.flexion, &[bones, strands])?;
     }
     Ok(())
+}
+
+fn field(name: &'static str, values: Vec<f64>) -> Field<'static> {
+    Field { name: name.into(), components: 1, values: values.into() }
 }
 
 /// Adds a surface where a pose has it.
