@@ -1,6 +1,6 @@
 //! A comparison that is killed leaves nothing that looks complete, and goes on to the same bytes.
 //!
-//! `SARTORIUS_KILLS=20 cargo test --release -p sartorius-tests --test resume` kills at 20 random moments instead of 3.
+//! `SARTORIUS_KILLS=20 cargo test --release -p sartorius-tests --test thigh_and_command resume` kills at 20 random moments instead of 3.
 
 use std::fs;
 use std::path::Path;

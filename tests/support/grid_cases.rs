@@ -7,7 +7,7 @@ use fem::mesh::{Mesh, generate};
 use fem::plan::{LoadedIsland, Plan, Warning};
 use fem::run::Frame;
 use fem::scene::{EmbeddedSpec, ForceSpec, FormulationSpec, LawSpec, Scene};
-use fem::solve::{BlockMatrix, Loading, Potential};
+use fem::solve::{BlockMatrix, Potential};
 use mesher::grid::{self, SectionKind, mean_size};
 use mesher::{Loft, MuscleSections, to_mesh};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -85,7 +85,7 @@ pub fn grid_is_mesh() -> Outcome {
                 s.iter().zip(&t).map(|(s, t)| (s.cauchy - t.cauchy).amax()).fold(0.0, f64::max) / scale;
             let now = [off / 0.1, stress, (through[0] / through[1] - 1.0).abs()];
             ensure(now[0] < 1e-10 && now[1] < 1e-9 && now[2] < 1e-9, || {
-                format!("{name}, {formulation:?}: off by {now:.1e}")
+                format!("{name}, {formulation:?}: off by {now:.1?}")
             })?;
             worst = std::array::from_fn(|k| worst[k].max(now[k]));
         }

@@ -11,13 +11,14 @@
 use super::kernel::{Derivatives, Formulation, plain_tangent};
 use super::principal::Blocks;
 use crate::material::{Material, Matrix3, cofactor};
+use nalgebra::DMatrix;
 
 /// One element of a cluster.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// Places in the cluster of the nodes that move it.
     pub nodes: Vec<u32>,
-    /// Each of its own nodes as a mean of these, by their number in `nodes`; weights add up to one.
+    /// Each of its own nodes as a mean of these, by their number in `nodes`; weights add up to one. Empty: its own nodes are these.
     pub means: Vec<Vec<(u32, f64)>>,
     /// Its quadrature points.
     pub samples: Vec<Sample>,
@@ -43,6 +44,10 @@ pub struct Cluster {
     pub volume: f64,
 }
 
+/// Elements of uniform strain are taken where their points feel every displacement of the nodes at least so well as all points of the elements
+/// do: energy of strains at points is half of what it is in the elements, in the worst mode of all.
+const FELT: f64 = 0.5;
+
 /// Law of an element and the factor on its energy density.
 pub type Scaled<L> = (L, f64);
 
@@ -53,11 +58,41 @@ impl Part {
         let first = x[self.nodes[0] as usize];
         let sides: Vec<[f64; 3]> =
             self.nodes.iter().map(|&n| std::array::from_fn(|i| x[n as usize][i] - first[i])).collect();
+        if self.means.is_empty() {
+            return sides;
+        }
         let mean = |of: &Vec<(u32, f64)>| {
             of.iter()
                 .fold([0.0; 3], |sum, &(m, w)| std::array::from_fn(|i| sum[i] + w * sides[m as usize][i]))
         };
         self.means.iter().map(mean).collect()
+    }
+
+    /// Number of its own nodes.
+    fn n_own(&self) -> usize {
+        if self.means.is_empty() { self.nodes.len() } else { self.means.len() }
+    }
+
+    /// The same as an element of uniform strain: one point, with the mean of its gradients over its volume (Flanagan & Belytschko, Int J Numer
+    /// Methods Eng 17:679, 1981), over the nodes that move it.
+    fn of_uniform_strain(&self) -> Part {
+        let mut mean = vec![[0.0; 3]; self.n_own()];
+        for sample in &self.samples {
+            for (mean, dn) in mean.iter_mut().zip(&sample.dn) {
+                (0..3).for_each(|c| mean[c] += sample.w / self.volume * dn[c]);
+            }
+        }
+        let mut dn = vec![[0.0; 3]; self.nodes.len()];
+        match self.means.is_empty() {
+            true => dn = mean,
+            false => {
+                for (own, of) in mean.iter().zip(&self.means) {
+                    of.iter().for_each(|&(m, w)| (0..3).for_each(|c| dn[m as usize][c] += w * own[c]));
+                }
+            }
+        }
+        let samples = vec![Sample { w: self.volume, dn }];
+        Part { nodes: self.nodes.clone(), means: Vec::new(), samples, volume: self.volume }
     }
 
     /// F at every point.
@@ -84,6 +119,12 @@ impl Part {
 
     /// Adds what is summed over its own nodes to the nodes of the cluster that move them.
     fn hand_on(&self, own: &[[f64; 3]], out: &mut [[f64; 3]]) {
+        if self.means.is_empty() {
+            for (f, &n) in own.iter().zip(&self.nodes) {
+                (0..3).for_each(|i| out[n as usize][i] += f[i]);
+            }
+            return;
+        }
         for (f, mean) in own.iter().zip(&self.means) {
             for &(m, w) in mean {
                 let out = &mut out[self.nodes[m as usize] as usize];
@@ -96,6 +137,9 @@ impl Part {
     /// `n` unknowns. `room`: for what is summed on the way.
     fn hand_on_stiffness(&self, own: &[[f64; 9]], n: usize, out: &mut [f64], room: &mut [Vec<[f64; 9]>; 2]) {
         let (m, movers) = (self.means.len(), self.nodes.len());
+        if self.means.is_empty() {
+            return self.add_lower(own, n, out);
+        }
         // Columns first: a block of two means would go to sixty-four places at once.
         let [columns, lower] = room;
         columns.clear();
@@ -123,6 +167,12 @@ impl Part {
                 }
             }
         }
+        self.add_lower(lower, n, out);
+    }
+
+    /// Adds lower blocks over the nodes that move it to a matrix over those of the cluster, row-major over `n` unknowns.
+    fn add_lower(&self, lower: &[[f64; 9]], n: usize, out: &mut [f64]) {
+        let movers = self.nodes.len();
         for p in 0..movers {
             for q in 0..=p {
                 let (row, column) = (3 * self.nodes[p] as usize, 3 * self.nodes[q] as usize);
@@ -151,6 +201,37 @@ fn gradient_of(places: &[[f64; 3]], dn: &[[f64; 3]]) -> Matrix3 {
 }
 
 impl Cluster {
+    /// With elements of uniform strain, an eighth of the points of hexahedra, where these feel well enough what moves its nodes; as it is where
+    /// not. Elements are small beside what moves them, so their strain is nearly uniform; the modes in which it is not have no stiffness by
+    /// themselves, and points of all elements of a cube leave none of its modes without.
+    pub fn with_uniform_strain(self) -> Cluster {
+        let parts = self.parts.iter().map(Part::of_uniform_strain).collect();
+        let reduced = Cluster { parts, volume: self.volume };
+        if reduced.felt() >= FELT * self.felt() { reduced } else { self }
+    }
+
+    /// How well its points feel what moves its nodes: the least eigenvalue but that of translations of Σ w b bᵀ, b the gradient at a point.
+    fn felt(&self) -> f64 {
+        let n = self.parts.iter().flat_map(|p| &p.nodes).max().map_or(0, |n| *n as usize + 1);
+        let mut sum = DMatrix::<f64>::zeros(n, n);
+        for part in &self.parts {
+            let room = &mut vec![[0.0; 3]; n];
+            for sample in &part.samples {
+                room.fill([0.0; 3]);
+                part.hand_on(&sample.dn, room);
+                for &p in &part.nodes {
+                    for &q in &part.nodes {
+                        let (a, b) = (room[p as usize], room[q as usize]);
+                        sum[(p as usize, q as usize)] += sample.w * (0..3).map(|c| a[c] * b[c]).sum::<f64>();
+                    }
+                }
+            }
+        }
+        let mut eigenvalues: Vec<f64> = sum.symmetric_eigenvalues().iter().copied().collect();
+        eigenvalues.sort_by(f64::total_cmp);
+        eigenvalues.get(1).copied().unwrap_or(0.0)
+    }
+
     /// θ at places `x` \[m\] of its nodes.
     pub fn dilatation(&self, x: &[[f64; 3]]) -> f64 {
         self.parts.iter().map(|part| part.volume * part.dilatation(x)).sum::<f64>() / self.volume
@@ -200,7 +281,7 @@ impl Cluster {
         for (p, part) in self.parts.iter().enumerate() {
             let (law, scale) = law(p);
             own.clear();
-            own.resize(part.means.len(), [0.0; 3]);
+            own.resize(part.n_own(), [0.0; 3]);
             for (sample, F) in part.deformation_gradients(x) {
                 let P = match formulation {
                     Formulation::Plain => law.stress(&F),
@@ -218,7 +299,7 @@ impl Cluster {
             let pressure = pressure / self.volume;
             for part in &self.parts {
                 own.clear();
-                own.resize(part.means.len(), [0.0; 3]);
+                own.resize(part.n_own(), [0.0; 3]);
                 for (sample, F) in part.deformation_gradients(x) {
                     scatter(&mut own, sample, &(cofactor(&F) * (pressure * sample.w)));
                 }
@@ -290,7 +371,7 @@ impl Cluster {
         let (mut k, mut own, mut room) = (Vec::new(), [Vec::new(), Vec::new()], Default::default());
         for (p, part) in self.parts.iter().enumerate() {
             let (law, scale) = law(p);
-            let m = part.means.len();
+            let m = part.n_own();
             k.clear();
             k.resize(m * m, [0.0; 9]);
             for own in &mut own {

@@ -168,5 +168,8 @@ fn cluster<const N: usize, const G: usize>(
         (0..3).for_each(|c| sum[c] += element.volume * centroid[c]);
         volume += element.volume;
     }
-    Ok((all, Cluster { parts, volume }, sum.map(|s| s / volume)))
+    // An element alone keeps all its points: what moves it is as small as itself.
+    let cluster = Cluster { parts, volume };
+    let cluster = if group.len() > 1 { cluster.with_uniform_strain() } else { cluster };
+    Ok((all, cluster, sum.map(|s| s / volume)))
 }
