@@ -200,7 +200,7 @@ fn a_killed_run_leaves_nothing_that_looks_complete() {
 
 fn start_child(folder: &Path) -> Child {
     Command::new(std::env::current_exe().expect("this test"))
-        .args(["--exact", "a_killed_run_leaves_nothing_that_looks_complete"])
+        .args(["--exact", "run_files::a_killed_run_leaves_nothing_that_looks_complete"])
         .env(CHILD, folder)
         .stdout(Stdio::null())
         .stderr(Stdio::null())

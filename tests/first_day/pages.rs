@@ -120,7 +120,7 @@ fn the_page_of_columns_has_every_column_that_is_written_and_no_other() {
     fs::write(folder.join("thermal.toml"), "muscles = [\"gracilis\"]\nstress_free = \"heel_strike\"\nresolution_mm = 20\n[effects]\ncontact = \"none\"\n").unwrap();
     let example = |name: &str| format!("{}/../fem/examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     fs::write(folder.join("hill.toml"), "muscles = [\"gluteus_minimus\"]\nresolution_mm = 20\n").unwrap();
-    fs::write(folder.join("grid.toml"), "muscles = [\"vastus_intermedius\"]\nresolution_mm = 12\n[effects]\nfibres = \"none\"\ncontact = \"none\"\n[[fidelity]]\nmuscle = \"vastus_intermedius\"\nlevel = \"embedded\"\ncell_mm = 30\n").unwrap();
+    fs::write(folder.join("grid.toml"), "muscles = [\"vastus_intermedius\"]\nresolution_mm = 12\n[effects]\ncontact = \"none\"\n[[fidelity]]\nmuscle = \"vastus_intermedius\"\nlevel = \"embedded\"\ncell_mm = 30\n").unwrap();
     fs::write(folder.join("ladder.toml"), "scene = \"hill.toml\"\n[[axis]]\nname = \"mesh\"\nkey = \"resolution_mm\"\nvalues = [20.0, 14.0]\nerror = \"discretisation\"\n").unwrap();
     let vary = |key: &str, values: &str| {
         format!("[[vary]]\nkey = \"{key}\"\ndistribution = \"choice\"\nvalues = [{values}]\n")

@@ -488,7 +488,7 @@ fn a_killed_run_leaves_only_whole_files_and_run_json_only_beside_all_of_them() {
     // Killed at 20 moments spread over the first writes, and then on until both outcomes were seen.
     while kills < 20 || ((complete == 0 || complete == kills) && kills < 200) {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "victim_of_the_kill_test", "--test-threads=1"])
+            .args(["--exact", "report::victim_of_the_kill_test", "--test-threads=1"])
             .env(VICTIM, dir.path())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
