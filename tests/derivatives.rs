@@ -19,10 +19,7 @@ use fem::material::user::At;
 use fem::material::*;
 use support::{Random, taylor_order};
 
-#[path = "../fem/examples/land_beam/laws.rs"]
-mod example_laws;
-
-use example_laws::{Active, Guccione};
+use crate::laws::{Active, Guccione};
 
 /// The smaller order; not a number where either is none.
 fn least(a: f64, b: f64) -> f64 {

@@ -1,5 +1,9 @@
 //! What `fem` computes: a file each, in one program, which is linked once and whose tests run side by side.
 
+/// The laws of an example, which two files look at.
+#[path = "../fem/examples/land_beam/laws.rs"]
+mod laws;
+
 mod conservation;
 #[path = "contact/main.rs"]
 mod contact;

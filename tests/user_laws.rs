@@ -6,9 +6,8 @@
 #[path = "../fem/examples/land_beam/beam.rs"]
 #[allow(dead_code)]
 mod beam;
-#[path = "../fem/examples/land_beam/laws.rs"]
-mod laws;
 
+use crate::laws::{self, Active, Guccione};
 use beam::{PRESSURE, PUBLISHED, beam, tip};
 use fem::material::user::{At, mean_young};
 use fem::material::{Hyperelastic, Material, Matrix3, NeoHookeanUncoupled, Real, Site, Symmetric};
@@ -18,7 +17,6 @@ use fem::plan::{Motion, Plan};
 use fem::run::{Drive, run};
 use fem::scene::*;
 use fem::solve::Settings;
-use laws::{Active, Guccione};
 use nalgebra::Vector3;
 use support::fem_scenes::{held, plan, solve, symmetry_planes, tolerance};
 
