@@ -15,8 +15,8 @@ use crate::thigh::build::Thigh;
 
 /// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured with the built-in walker at 12 and 6 mm, muscles spread fivefold.
 const ITERATIONS: PerConfiguration<f64> = PerConfiguration { without: 35.0, with: 22.0 };
-/// Newton iterations of a muscle in its calibration, all solutions together; the Hessian is often indefinite there, and counts twice.
-const CALIBRATION: f64 = 75.0;
+/// Newton iterations of a muscle in its calibration, both solutions together; the Hessian is often indefinite there, and counts twice.
+const CALIBRATION: f64 = 31.0;
 /// Floating-point operations of a factorization per second and core, as measured.
 const FLOPS: f64 = 2e10;
 /// Seconds of one core per element and iteration for assembly and line search, as measured; contact looks at surfaces too.
