@@ -88,7 +88,7 @@ fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
     let knee = subject.knee(mode).map_err(|e| e.to_string())?;
     let poses = subject.poses();
-    let Bent { frames, stopped, .. } = flex(&knee, &poses, quadriceps, &Settings::default());
+    let Bent { knee, frames, stopped, .. } = flex(knee, &poses, quadriceps, &Settings::default());
     if let Some(stopped) = stopped {
         return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
     }
@@ -143,14 +143,14 @@ const LIGAMENT: [(&str, f64); 6] =
 /// smoothed curve off the force; at half the stride, where a jump would be as great as before.
 fn smooth(mode: ContactMode, quadriceps: f64) -> Outcome {
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
-    let knee = subject.knee(mode).map_err(|e| e.to_string())?;
     let ends = ligament(&subject);
     let mut found = Vec::new();
     let mut crossed = 0;
     for stride in STRIDES {
         let n = (137.5 / stride) as usize;
         let poses: Vec<Coordinates> = (0..=n).map(|k| subject.path.at(k as f64 * stride)).collect();
-        let Bent { frames, stopped, .. } = flex(&knee, &poses, quadriceps, &Settings::default());
+        let knee = subject.knee(mode).map_err(|e| e.to_string())?;
+        let Bent { knee, frames, stopped, .. } = flex(knee, &poses, quadriceps, &Settings::default());
         if let Some(stopped) = stopped {
             return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
         }
@@ -242,7 +242,7 @@ fn measured() -> Outcome {
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
     let (knee, rows) = (subject.knee(Cheap).map_err(|e| e.to_string())?, &subject.measured);
     let poses: Vec<Coordinates> = rows.iter().map(|row| row[0]).collect();
-    let Bent { frames, stopped, .. } = flex(&knee, &poses, 50.0, &Settings::default());
+    let Bent { knee, frames, stopped, .. } = flex(knee, &poses, 50.0, &Settings::default());
     if let Some(stopped) = stopped {
         return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
     }

@@ -42,8 +42,8 @@ const KNOWN: &[(&str, &str, &str)] = &[
     ("C7", "patella of a real knee, 1000 N, cheap", EXTENSION),
     ("C7", "patella of a real knee, 1000 N, guarded", EXTENSION),
 ];
-const SLOPE: &str = "rapid share 4 to 6 %, as a smooth curve has that ends with a slope";
-const EXTENSION: &str = "steps of 2.8 mm where 1000 N let the patella down into the groove; rapid share 4 to 7 %, as a smooth curve has that ends with a slope";
+const SLOPE: &str = "rapid share 4 to 6 %, as a smooth curve has that ends with a slope; see C7j";
+const EXTENSION: &str = "steps of 2.7 mm, of which the tibia prescribes 2.6; rapid share 3 to 8 %, as a smooth curve has that ends with a slope; see C7j";
 const OPEN_RIM: &str =
     "samples drop out by a jump beyond the rim of an open surface, where no equilibrium is left";
 const RIM: &str =

@@ -5,6 +5,7 @@ use fem::effect::obstacle::Pressed;
 use fem::measure::free_bodies;
 use fem::run::{Drive, DriveFrame, Frame, Run, Session};
 use fem::solve::{Settings, SolveError};
+use nalgebra::Point3;
 
 use super::pose::Coordinates;
 use super::rigid::{RigidKnee, StrandState};
@@ -31,6 +32,8 @@ pub struct FlexionFrame {
     pub contact: Pressed,
     /// Every strand, in the order of [`RigidKnee::strands`].
     pub strands: Vec<StrandState>,
+    /// Where each goes \[m\], in the frame of the femur.
+    pub ways: Vec<Vec<Point3<f64>>>,
     /// Iterations of Newton's method.
     pub iterations: usize,
 }
@@ -45,6 +48,7 @@ impl FlexionFrame {
             residual: state.residual,
             contact: knee.pressed(at.x),
             strands: knee.strand_states(at.x, &at.load.controls),
+            ways: knee.ways(at.x),
             iterations: frame.count(|island| island.iterations),
         }
     }
@@ -99,8 +103,9 @@ impl Stopped {
 }
 
 /// A knee that was bent.
-#[derive(Debug)]
 pub struct Bent {
+    /// The knee. Its strings remember the way that they went last, so another one is bent the next time.
+    pub knee: RigidKnee,
     /// What was measured, frame by frame.
     pub frames: Vec<FlexionFrame>,
     /// What was asked for.
@@ -113,23 +118,36 @@ pub struct Bent {
 
 impl Bent {
     /// Strands that are stretched beyond 30 % somewhere: their names, the greatest strain and the flexion \[degrees\] there.
-    pub fn stretched<'a>(&self, knee: &'a RigidKnee) -> Vec<(&'a str, f64, f64)> {
-        let of = |(i, name): (usize, &'a String)| {
+    pub fn stretched(&self) -> Vec<(&str, f64, f64)> {
+        let strands = self.knee.strands.iter().enumerate();
+        let stretched = strands.filter_map(|(i, name)| {
             let all = self.frames.iter().map(|f| (f.strands[i].strain, f.tibia.flexion));
             let most = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
             (most.0 > STRETCHED).then_some((name.as_str(), most.0, most.1))
-        };
-        knee.strands.iter().enumerate().filter_map(of).collect()
+        });
+        stretched.collect()
+    }
+
+    /// Why it ends early, in words.
+    pub fn stopped_told(&self) -> Option<String> {
+        self.stopped.as_ref().map(|stopped| stopped.told(&self.knee))
     }
 }
 
+/// Frames, drive, run, and why they end early.
+type Course = (Vec<FlexionFrame>, Drive, Run, Option<Stopped>);
+
 /// Takes the tibia through some poses under a constant force of the quadriceps \[N\].
-pub fn flex(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Bent {
+pub fn flex(knee: RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Bent {
+    let (frames, drive, run, stopped) = course(&knee, poses, quadriceps, settings);
+    Bent { knee, frames, drive, run, stopped }
+}
+
+fn course(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Course {
     let (mut frames, mut run, mut drive) = (Vec::new(), Run::default(), Drive::default());
-    let bent = |frames, drive, run, stopped| Bent { frames, drive, run, stopped };
     let mut session = match Session::new(&knee.plan, settings, None) {
         Ok(session) => session,
-        Err(error) => return bent(frames, drive, run, Some(Stopped::NoEquilibrium(error, None))),
+        Err(error) => return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None))),
     };
     // Where the patella is, is known in the reference pose: the force comes there, doubled from part to part, and the tibia goes to the first
     // pose in small steps.
@@ -143,7 +161,7 @@ pub fn flex(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: 
             let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
             let stopped = Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame)));
             run.unsolved = Some(advanced.frame);
-            return bent(frames, drive, run, Some(stopped));
+            return (frames, drive, run, Some(stopped));
         }
     }
     for tibia in poses {
@@ -151,7 +169,7 @@ pub fn flex(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: 
             Ok(load) => load,
             Err(source) => {
                 let error = SolveError::Load { step: frames.len(), source: Box::new(source) };
-                return bent(frames, drive, run, Some(Stopped::NoEquilibrium(error, None)));
+                return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None)));
             }
         };
         drive.frames.push(DriveFrame { time: tibia.flexion, load });
@@ -161,13 +179,13 @@ pub fn flex(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: 
         if !advanced.errors.is_empty() {
             let error = advanced.errors.remove(0);
             run.unsolved = Some(advanced.frame);
-            return bent(frames, drive, run, Some(Stopped::NoEquilibrium(error, Some(Box::new(frame)))));
+            return (frames, drive, run, Some(Stopped::NoEquilibrium(error, Some(Box::new(frame)))));
         }
         run.frames.push(advanced.frame);
         if frame.patella.place[2].abs() > OUT {
-            return bent(frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
+            return (frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
         }
         frames.push(frame);
     }
-    bent(frames, drive, run, None)
+    (frames, drive, run, None)
 }

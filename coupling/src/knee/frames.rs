@@ -10,7 +10,6 @@ use nalgebra::{Isometry3, Point3};
 
 use super::anatomy::{Bone, KneeAnatomy};
 use super::flexion::Bent;
-use super::rigid::RigidKnee;
 
 /// Name of the series of frames.
 pub const FRAMES: &str = "knee";
@@ -18,19 +17,14 @@ pub const FRAMES: &str = "knee";
 pub const FEMUR: &str = "femur";
 
 /// Writes `knee.pvd` with a step per frame, its time the knee flexion \[degrees\], and `femur.pvd`, all in the frame of the femur.
-pub fn write_frames(
-    folder: &Path,
-    anatomy: &KneeAnatomy,
-    knee: &RigidKnee,
-    bent: &Bent,
-) -> Result<(), MeshError> {
+pub fn write_frames(folder: &Path, anatomy: &KneeAnatomy, bent: &Bent) -> Result<(), MeshError> {
     let own = |bone: Bone| anatomy.frame(bone).inverse();
     let mut femur = Mesh::default();
     add(&mut femur, "femur", &anatomy.femur, &own(Bone::Femur));
     add(&mut femur, "femoral_cartilage", &anatomy.femoral_cartilage, &own(Bone::Femur));
     PvdWriter::create(folder, FEMUR)?.push(0.0, &femur, &[], &[])?;
     let mut series = PvdWriter::create(folder, FRAMES)?;
-    for (frame, solved) in bent.frames.iter().zip(&bent.run.frames) {
+    for frame in &bent.frames {
         let mut bones = Part { name: "bones", mesh: Mesh::default(), point_data: vec![], cell_data: vec![] };
         let tibia = frame.tibia.pose() * own(Bone::Tibia);
         let patella = frame.patella.pose() * own(Bone::Patella);
@@ -41,7 +35,7 @@ pub fn write_frames(
         add(&mut bones.mesh, "patellar_cartilage", &anatomy.patellar_cartilage, &patella);
         let mut strands = Mesh::default();
         let (mut tension, mut strain) = (Vec::new(), Vec::new());
-        for ((name, way), state) in knee.strands.iter().zip(knee.ways(&solved.x)).zip(&frame.strands) {
+        for ((name, way), state) in bent.knee.strands.iter().zip(&frame.ways).zip(&frame.strands) {
             let first = strands.points.len() as u32;
             strands.points.extend(way.iter().map(|p| <[f64; 3]>::from(*p)));
             let segments = (first..strands.points.len() as u32 - 1).flat_map(|n| [n, n + 1]).collect();

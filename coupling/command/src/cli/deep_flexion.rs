@@ -12,7 +12,6 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use coupling::knee::deep::{DeepFlexion, deviations};
 use coupling::knee::flexion::{Bent, flex};
-use coupling::knee::rigid::RigidKnee;
 use fem::scene::ContactMode;
 use fem::solve::Settings;
 
@@ -50,23 +49,21 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
     let path = folder.path().to_path_buf();
     progress.lap("knee");
     let settings = Settings::default();
-    let deep = flex(&knee, &scene.poses(), QUADRICEPS[0], &settings);
+    let deep = flex(knee, &scene.poses(), QUADRICEPS[0], &settings);
     let rows: Vec<_> = scene.measured.iter().map(|row| row[0]).collect();
-    let unloaded = flex(&knee, &rows, QUADRICEPS[1], &settings);
+    let unloaded = flex(scene.knee(ContactMode::Cheap)?, &rows, QUADRICEPS[1], &settings);
     progress.lap("bend");
-    record.notes = notes(&knee, &deep);
+    record.notes = notes(&deep);
     progress.pause(|| tell(&record.notes));
-    let stopped = [&deep, &unloaded].into_iter().find_map(|bent| bent.stopped.as_ref());
-    if let Some(stopped) = stopped {
+    record.reason = [&deep, &unloaded].into_iter().find_map(Bent::stopped_told);
+    if record.reason.is_some() {
         record.status = RunStatus::NotConverged;
-        record.reason = Some(stopped.told(&knee));
     }
     record.seconds = progress.seconds().to_vec();
     record.iterations.insert("Newton".into(), deep.run.iterations.len() as u64);
     record.again = Again::as_typed(&record.command_line);
     let against = unloaded.stopped.is_none().then(|| deviations(&unloaded.frames, &scene.measured));
-    let results =
-        Results { scene: &scene, knee: &knee, deep: &deep, unloaded: &unloaded, against, forces: QUADRICEPS };
+    let results = Results { scene: &scene, deep: &deep, unloaded: &unloaded, against, forces: QUADRICEPS };
     write_deep_flexion(folder, &results, &mut record)?;
     progress.lap("write");
     drop(progress);
@@ -85,12 +82,12 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
             path.display()
         ),
     };
-    Ok(if stopped.is_none() { Outcome::Solved } else { Outcome::NotSolved })
+    Ok(if record.reason.is_none() { Outcome::Solved } else { Outcome::NotSolved })
 }
 
 /// What a person should know of the knee.
-fn notes(knee: &RigidKnee, deep: &Bent) -> Vec<String> {
-    let stretched = deep.stretched(knee).into_iter().map(|(name, strain, flexion)| {
+fn notes(deep: &Bent) -> Vec<String> {
+    let stretched = deep.stretched().into_iter().map(|(name, strain, flexion)| {
         format!(
             "strand {name} is stretched by {:.0} % at {flexion:.1} degrees; no ligament bears that",
             100.0 * strain

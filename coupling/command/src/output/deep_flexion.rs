@@ -11,7 +11,6 @@ use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
 use coupling::knee::frames::{FEMUR, FRAMES, write_frames};
 use coupling::knee::pose::PATELLA;
-use coupling::knee::rigid::RigidKnee;
 
 /// Folder of the frames.
 const FRAMES_FOLDER: &str = "frames";
@@ -22,8 +21,6 @@ pub const KNEE_FRAMES: [[&str; 2]; 2] = [[FRAMES_FOLDER, FRAMES], [FRAMES_FOLDER
 pub struct Results<'a> {
     /// Its data.
     pub scene: &'a DeepFlexion,
-    /// The knee.
-    pub knee: &'a RigidKnee,
     /// To deep flexion.
     pub deep: &'a Bent,
     /// Along the measured poses.
@@ -41,10 +38,10 @@ pub fn write_deep_flexion(
     record: &mut RunRecord,
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
-    out.write("patella.csv", |w| patella(w, results.knee, results.deep))?;
+    out.write("patella.csv", |w| patella(w, results.deep))?;
     out.write("measured.csv", |w| measured(w, results))?;
     let frames = out.path().join(FRAMES_FOLDER);
-    write_frames(&frames, &results.scene.anatomy, results.knee, results.deep)
+    write_frames(&frames, &results.scene.anatomy, results.deep)
         .map_err(|e| OutputError::at("write the frames in", &frames, std::io::Error::other(e)))?;
     let page = crate::report::deep_flexion::page(results);
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
@@ -59,11 +56,11 @@ pub fn write_deep_flexion(
 }
 
 /// A row per frame: the patella, its contact, tension and strain of every strand.
-fn patella(w: &mut dyn std::io::Write, knee: &RigidKnee, bent: &Bent) -> std::io::Result<()> {
+fn patella(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
     let contact = ["contact_force_N", "contact_area_mm2", "greatest_pressure_MPa"];
     let settled = ["left_force_N", "left_moment_Nmm", "iterations"];
-    let strands = knee.strands.iter().flat_map(|s| [format!("{s}_N"), format!("{s}_strain")]);
+    let strands = bent.knee.strands.iter().flat_map(|s| [format!("{s}_N"), format!("{s}_strain")]);
     let header = std::iter::once("knee_flexion_deg").chain(PATELLA).chain(contact).chain(settled);
     csv.write_record(header.map(str::to_string).chain(strands))?;
     let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();

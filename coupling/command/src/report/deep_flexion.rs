@@ -59,8 +59,8 @@ pub fn page(results: &Results) -> String {
         ),
     ];
     let mut body = String::from("<h1>The patella in deep flexion</h1>\n");
-    if let Some(stopped) = &results.deep.stopped {
-        let _ = write!(body, "<p>{}</p>", escape(&stopped.told(results.knee)));
+    if let Some(stopped) = results.deep.stopped_told() {
+        let _ = write!(body, "<p>{}</p>", escape(&stopped));
     }
     let [load, small] = results.forces;
     let lead = format!(
@@ -84,7 +84,7 @@ pub fn page(results: &Results) -> String {
         ));
     }
     body.push_str(&section("Contact of the cartilage", "", &grid("normal", &loads)));
-    let rows: Vec<Vec<String>> = (results.knee.strands.iter().enumerate())
+    let rows: Vec<Vec<String>> = (results.deep.knee.strands.iter().enumerate())
         .map(|(i, name)| {
             let most = |of: &dyn Fn(&coupling::knee::flexion::FlexionFrame) -> f64| {
                 results.deep.frames.iter().map(of).fold(f64::NEG_INFINITY, f64::max)
