@@ -13,61 +13,22 @@ use fem::solve::Settings;
 use nalgebra::{Isometry3, Matrix4, Point3, UnitQuaternion, Vector3, Vector4};
 use support::shared;
 
+/// A case that takes seconds.
+const fn full(id: &'static str, title: &'static str, run: fn() -> Outcome) -> Case {
+    Case { id, title, tier: Tier::Full, run }
+}
+
+#[rustfmt::skip]
 pub const CASES: &[Case] = &[
-    Case {
-        id: "C7",
-        title: "patella of a real knee, 200 N, cheap",
-        tier: Tier::Full,
-        run: || bent(Cheap, 200.0),
-    },
-    Case {
-        id: "C7",
-        title: "patella of a real knee, 200 N, guarded",
-        tier: Tier::Full,
-        run: || bent(Guarded, 200.0),
-    },
-    Case {
-        id: "C7",
-        title: "patella of a real knee, 1000 N, cheap",
-        tier: Tier::Full,
-        run: || bent(Cheap, 1e3),
-    },
-    Case {
-        id: "C7",
-        title: "patella of a real knee, 1000 N, guarded",
-        tier: Tier::Full,
-        run: || bent(Guarded, 1e3),
-    },
-    Case {
-        id: "C7j",
-        title: "patella of a real knee neither jumps nor chatters, 200 N, cheap",
-        tier: Tier::Full,
-        run: || smooth(Cheap, 200.0),
-    },
-    Case {
-        id: "C7j",
-        title: "patella of a real knee neither jumps nor chatters, 200 N, guarded",
-        tier: Tier::Full,
-        run: || smooth(Guarded, 200.0),
-    },
-    Case {
-        id: "C7j",
-        title: "patella of a real knee neither jumps nor chatters, 1000 N, cheap",
-        tier: Tier::Full,
-        run: || smooth(Cheap, 1e3),
-    },
-    Case {
-        id: "C7j",
-        title: "patella of a real knee neither jumps nor chatters, 1000 N, guarded",
-        tier: Tier::Full,
-        run: || smooth(Guarded, 1e3),
-    },
-    Case {
-        id: "C7m",
-        title: "patella of a real knee against its measured poses, 50 N",
-        tier: Tier::Full,
-        run: measured,
-    },
+    full("C7", "patella of a real knee, 200 N, cheap", || bent(Cheap, 200.0)),
+    full("C7", "patella of a real knee, 200 N, guarded", || bent(Guarded, 200.0)),
+    full("C7", "patella of a real knee, 1000 N, cheap", || bent(Cheap, 1e3)),
+    full("C7", "patella of a real knee, 1000 N, guarded", || bent(Guarded, 1e3)),
+    full("C7j", "patella of a real knee neither jumps nor chatters, 200 N, cheap", || smooth(Cheap, 200.0)),
+    full("C7j", "patella of a real knee neither jumps nor chatters, 200 N, guarded", || smooth(Guarded, 200.0)),
+    full("C7j", "patella of a real knee neither jumps nor chatters, 1000 N, cheap", || smooth(Cheap, 1e3)),
+    full("C7j", "patella of a real knee neither jumps nor chatters, 1000 N, guarded", || smooth(Guarded, 1e3)),
+    full("C7m", "patella of a real knee against its measured poses, 50 N", measured),
 ];
 use ContactMode::{Cheap, Guarded};
 

@@ -81,8 +81,9 @@ impl Before {
         let hash = program_hash(&format!("{}{files}", rung.scene.text));
         let text = format!("# Rung {} of the ladder {}; {hash}\n{}", rung.name, ladder.name, rung.scene.text);
         let with = rung.scene.contact.is_some();
-        let works = Work::of_draft(&sized.scene, &sized.draft()?, PerConfiguration { without: !with, with });
-        let expected = Expected::of(&sized.scene, &sized.draft()?, works, None);
+        let thigh = sized.draft()?;
+        let works = Work::of_draft(&sized.scene, &thigh, PerConfiguration { without: !with, with });
+        let expected = Expected::of(&sized.scene, &thigh, works, None);
         Ok((Before { text, expected }, sized))
     }
 }

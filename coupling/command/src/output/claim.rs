@@ -14,9 +14,9 @@ use std::sync::{Arc, Mutex};
 
 use coupling::comparison::ONE_WAY_FOLDER;
 use coupling::configuration::Configuration;
+use coupling::knee::frames;
 
 use super::OutputError;
-use super::deep_flexion::KNEE_FRAMES;
 
 /// Name of the file that is written last: a folder that holds it is complete.
 pub const RUN_FILE: &str = "run.json";
@@ -24,6 +24,8 @@ pub const RUN_FILE: &str = "run.json";
 pub const LEG_FOLDERS: [&str; 2] = ["right", "left"];
 /// Folder of the frames of bodies of one's own, and the name of its files.
 pub const OWN_FRAMES: [&str; 2] = ["frames", "scene"];
+/// The same of a knee that was bent, and of its femur.
+pub const KNEE_FRAMES: [[&str; 2]; 2] = [[OWN_FRAMES[0], frames::FRAMES], [OWN_FRAMES[0], frames::FEMUR]];
 /// Name of the files in the other folders of frames.
 const FRAMES: &str = "thigh";
 /// Marks a folder as ours.

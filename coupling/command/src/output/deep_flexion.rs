@@ -6,16 +6,12 @@ use serde_json::json;
 
 use super::OutputError;
 use super::atomic::OutputFolder;
+use super::claim::KNEE_FRAMES;
 use super::run::RunRecord;
 use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
-use coupling::knee::frames::{FEMUR, FRAMES, write_frames};
+use coupling::knee::frames::write_frames;
 use coupling::knee::pose::PATELLA;
-
-/// Folder of the frames.
-const FRAMES_FOLDER: &str = "frames";
-/// The series in it.
-pub const KNEE_FRAMES: [[&str; 2]; 2] = [[FRAMES_FOLDER, FRAMES], [FRAMES_FOLDER, FEMUR]];
 
 /// A knee that was bent under load and, along its measured poses, without.
 pub struct Results<'a> {
@@ -40,7 +36,7 @@ pub fn write_deep_flexion(
     let started = Instant::now();
     out.write("patella.csv", |w| patella(w, results.deep))?;
     out.write("measured.csv", |w| measured(w, results))?;
-    let frames = out.path().join(FRAMES_FOLDER);
+    let frames = out.path().join(KNEE_FRAMES[0][0]);
     write_frames(&frames, &results.scene.anatomy, results.deep)
         .map_err(|e| OutputError::at("write the frames in", &frames, std::io::Error::other(e)))?;
     let page = crate::report::deep_flexion::page(results);
@@ -50,7 +46,7 @@ pub fn write_deep_flexion(
         "frames_asked": results.scene.poses().len(),
         "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
     }));
-    let listed = super::names_in(&frames).into_iter().map(|name| format!("{FRAMES_FOLDER}/{name}"));
+    let listed = super::names_in(&frames).into_iter().map(|name| format!("{}/{name}", KNEE_FRAMES[0][0]));
     let listed: Vec<String> = listed.collect();
     super::finish_with(out, record, started, listed)
 }
