@@ -51,9 +51,9 @@ impl Accuracy {
             false => (Configuration::WithoutContact, no_contact),
         };
         let Some(chosen) = cheapest(&points, wanted).cloned() else {
-            let best = points.iter().min_by(|a, b| a.error_percent.total_cmp(&b.error_percent));
+            let best = points.iter().min_by(|a, b| a.promise().total_cmp(&b.promise()));
             let best = best.map_or("it has no setting for this".into(), |p| {
-                format!("the best is {}, {} %", p.setting, significant(p.error_percent, 2))
+                format!("the best is {}, {} %", p.setting, significant(p.promise(), 2))
             });
             return Err(CommandError::Option(format!(
                 "--accuracy {wanted}: no setting of the curve {} reaches it; {best}",
@@ -94,7 +94,7 @@ impl Accuracy {
             "accuracy: {} % wanted; {} promises {} % on {}, in {} s there{}",
             self.wanted,
             self.chosen.setting,
-            significant(self.chosen.error_percent, 2),
+            significant(self.chosen.promise(), 2),
             self.measured_on,
             significant(self.chosen.seconds, 2),
             self.slower.map_or(String::new(), |slower| {
@@ -136,7 +136,7 @@ impl Accuracy {
             return Ok((note, None));
         }
         let estimated = match coarser.difference_percent > 0.0 {
-            true => found * self.chosen.error_percent / coarser.difference_percent,
+            true => found * self.chosen.promise() / coarser.difference_percent,
             false => found,
         };
         self.estimated.set(Some(estimated));
@@ -158,9 +158,9 @@ impl Accuracy {
     pub fn finer(&mut self) -> bool {
         let Some(estimated) = self.estimated.take().filter(|e| *e > self.wanted) else { return false };
         // As much worse here as the chosen one is.
-        let worse = estimated / self.chosen.error_percent.max(f64::MIN_POSITIVE);
+        let worse = estimated / self.chosen.promise().max(f64::MIN_POSITIVE);
         let Some(next) = cheapest(&self.points, self.wanted / worse).cloned() else { return false };
-        if next.error_percent >= self.chosen.error_percent {
+        if next.promise() >= self.chosen.promise() {
             return false;
         }
         self.chosen = next;

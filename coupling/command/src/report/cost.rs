@@ -159,16 +159,20 @@ pub fn cost_page(report: &CostReport) -> String {
                 format!("{percent} %"),
                 p.setting.clone(),
                 fixed(p.seconds, 1),
-                significant(p.error_percent, 2),
+                significant(p.promise(), 2),
             ],
             None => vec![format!("{percent} %"), "no rung reaches it".into(), "–".into(), "–".into()],
         })
         .collect();
     let lead = format!(
-        "Error: of the section force that is farthest from that of {}, of all above {LEAST_FORCE} N. Seconds without calibration, which is made once per mesh.",
+        "Error: of the section force that is farthest from that of {}, of all above {LEAST_FORCE} N. Seconds without calibration, which is made once per mesh. A setting promises what it and every finer one keep: where a finer one is farther off, it was near by chance.",
         report.reference_name()
     );
-    body += &section("Cheapest setting", &lead, &table(&["wanted", "setting", "s", "error, %"], 2, &answers));
+    body += &section(
+        "Cheapest setting",
+        &lead,
+        &table(&["wanted", "setting", "s", "promised error, %"], 2, &answers),
+    );
     let figures = [
         curve_figure(report),
         scatter("Memory against seconds", "MiB", &report.rows(), |row| row.taken.as_ref()?.peak_mib, false),
