@@ -178,7 +178,8 @@ fn points(ladder: &Ladder, endings: &[Option<Ending>], mesh: &Axis, reference: u
     points
 }
 
-/// Whether a setting is at least as fine as another along every axis; a value that is not on its axis is as fine as itself alone.
+/// Whether a setting is at least as fine as another along every axis, by the places of their values there. `None`: not on it, which the value of the base
+/// alone can be, so that two of these are the same.
 fn is_nowhere_coarser(a: &[Option<usize>], b: &[Option<usize>]) -> bool {
     a.iter().zip(b).all(|(a, b)| a.is_some() == b.is_some() && a >= b)
 }
