@@ -85,7 +85,7 @@ fn mistakes_are_named_all_at_once() {
 
 /// Vastus intermedius, the muscle that study B embeds first, and gracilis, which stays whole.
 fn scene(level: &str) -> Scene {
-    let text = "muscles = [\"vastus_intermedius\", \"gracilis\"]\nresolution_mm = 9.0\n[effects]\ncontact = \"none\"\n";
+    let text = "muscles = [\"vastus_intermedius\", \"gracilis\"]\nresolution_mm = 12.0\n[effects]\ncontact = \"none\"\n";
     parse(&(text.to_string() + level)).unwrap()
 }
 
@@ -107,7 +107,7 @@ fn forces(comparison: &Comparison) -> Vec<Vec<f64>> {
 fn a_muscle_in_a_grid_pulls_as_its_mesh_does_and_the_others_do_not_notice() {
     let folder = tempfile::tempdir().unwrap();
     let (_, whole) = solved(scene(""), &folder.path().join("whole"));
-    let in_grid = scene(&level("vastus_intermedius", "embedded", "cell_mm = 24.0"));
+    let in_grid = scene(&level("vastus_intermedius", "embedded", "cell_mm = 32.0"));
     let (prepared, grid) = solved(in_grid, &folder.path().join("grid"));
     assert!(whole.calibration.matrix.is_empty());
     let [factor] = &grid.calibration.matrix[..] else { panic!("one muscle is in a grid") };
