@@ -84,9 +84,11 @@ fn mistakes_are_named_all_at_once() {
 }
 
 /// Vastus intermedius, the muscle that study B embeds first, and gracilis, which stays whole.
-fn scene(level: &str) -> Scene {
-    let text = "muscles = [\"vastus_intermedius\", \"gracilis\"]\nresolution_mm = 12.0\n[effects]\ncontact = \"none\"\n";
-    parse(&(text.to_string() + level)).unwrap()
+fn scene(resolution_mm: f64, level: &str) -> Scene {
+    let text = format!(
+        "muscles = [\"vastus_intermedius\", \"gracilis\"]\nresolution_mm = {resolution_mm:?}\n[effects]\ncontact = \"none\"\n{level}"
+    );
+    parse(&text).unwrap()
 }
 
 fn solved(scene: Scene, folder: &Path) -> (Prepared, Comparison) {
@@ -106,8 +108,8 @@ fn forces(comparison: &Comparison) -> Vec<Vec<f64>> {
 #[test]
 fn a_muscle_in_a_grid_pulls_as_its_mesh_does_and_the_others_do_not_notice() {
     let folder = tempfile::tempdir().unwrap();
-    let (_, whole) = solved(scene(""), &folder.path().join("whole"));
-    let in_grid = scene(&level("vastus_intermedius", "embedded", "cell_mm = 32.0"));
+    let (_, whole) = solved(scene(12.0, ""), &folder.path().join("whole"));
+    let in_grid = scene(12.0, &level("vastus_intermedius", "embedded", "cell_mm = 32.0"));
     let (prepared, grid) = solved(in_grid, &folder.path().join("grid"));
     assert!(whole.calibration.matrix.is_empty());
     let [factor] = &grid.calibration.matrix[..] else { panic!("one muscle is in a grid") };
@@ -142,7 +144,7 @@ fn a_muscle_in_a_grid_pulls_as_its_mesh_does_and_the_others_do_not_notice() {
     let read = || toml::from_str::<WrittenCalibration>(&written).unwrap();
     let side = ThighSide::new(prepared, Configuration::WithoutContact, Some(read()), folder.path()).unwrap();
     assert_eq!(side.thigh().scene, grid.thigh.scene);
-    let other = scene(&level("vastus_intermedius", "embedded", "cell_mm = 26.0"));
+    let other = scene(12.0, &level("vastus_intermedius", "embedded", "cell_mm = 34.0"));
     let other = Prepared::new(other, None, &mut |_| ()).unwrap();
     let refused = ThighSide::new(other, Configuration::WithoutContact, Some(read()), folder.path());
     assert!(refused.err().unwrap().to_string().contains("is not one of these muscles"));
@@ -150,7 +152,7 @@ fn a_muscle_in_a_grid_pulls_as_its_mesh_does_and_the_others_do_not_notice() {
 
 #[test]
 fn a_plan_counts_grids() {
-    let scene = || scene(&level("vastus_intermedius", "embedded", "cell_mm = 24.0"));
+    let scene = || scene(9.0, &level("vastus_intermedius", "embedded", "cell_mm = 24.0"));
     let prepared = Prepared::new(scene(), None, &mut |_| ()).unwrap();
     let thigh = Sized::new(scene(), None).unwrap().draft().unwrap();
     let draft = Work::of_thigh(&thigh);
@@ -158,7 +160,7 @@ fn a_plan_counts_grids() {
     println!("{draft:?}\n{mesh:?}");
     // Badly filled cubes and pieces are not counted, which are a part of the corners.
     assert!((draft.unknowns as f64 / mesh.unknowns as f64 - 1.0).abs() < 0.25);
-    let whole = Work::of_thigh(&Sized::new(self::scene(""), None).unwrap().draft().unwrap());
+    let whole = Work::of_thigh(&Sized::new(self::scene(9.0, ""), None).unwrap().draft().unwrap());
     println!("{whole:?}");
     // A muscle of some 4500 unknowns in its mesh has some 500 in its grid.
     assert!(whole.unknowns - draft.unknowns > 3500);
