@@ -1,6 +1,7 @@
 //! Do the sections cut from closed surfaces describe the muscles, and are unfit surfaces refused with their place?
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use fem::geometry::{SearchSurface, Surface, closest};
 use fem::mesh::{LengthUnit, unique_nodes};
@@ -323,13 +324,18 @@ fn folders_that_lack_something_are_refused_by_name() {
 
 // ------------------------------------------------------------------------------------------------ anatomy
 
-fn anatomy() -> Option<Anatomy> {
-    let folder = shared("anatomy")?;
-    let (text, file) = table();
-    let ends = MuscleEnds::read_csv(&text, &file).unwrap();
-    let (muscles, bones) = (folder.join("muscles_fit"), folder.join("bones"));
-    let read = Anatomy::read(&muscles, &bones, &ends, LengthUnit::Metre, &Settings::default());
-    Some(read.unwrap_or_else(|e| panic!("{e}")))
+/// Read once for all tests.
+fn anatomy() -> Option<&'static Anatomy> {
+    static ANATOMY: OnceLock<Option<Anatomy>> = OnceLock::new();
+    let read = || {
+        let folder = shared("anatomy")?;
+        let (text, file) = table();
+        let ends = MuscleEnds::read_csv(&text, &file).unwrap();
+        let (muscles, bones) = (folder.join("muscles_fit"), folder.join("bones"));
+        let read = Anatomy::read(&muscles, &bones, &ends, LengthUnit::Metre, &Settings::default());
+        Some(read.unwrap_or_else(|e| panic!("{e}")))
+    };
+    ANATOMY.get_or_init(read).as_ref()
 }
 
 #[test]

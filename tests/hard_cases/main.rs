@@ -4,6 +4,9 @@
 //! `cargo test --release -p sartorius-tests --test hard_cases -- --full [ID...]` everything (or the named cases);
 //! `--page` enters what was run in `docs/hard-cases.md`, with date and commit.
 
+use std::sync::Mutex;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
 mod blocks;
@@ -66,8 +69,6 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let full = arguments.iter().any(|a| a == "--full");
     let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
-    let mut surprises = 0;
-    let mut rows = Vec::new();
     println!("{:<5} {:<8} {:>8}  case; what decided it", "id", "verdict", "seconds");
     let tables = [
         elements::CASES,
@@ -86,37 +87,56 @@ fn main() {
         solved::CASES,
     ];
     let titles: Vec<(&str, &str)> = tables.into_iter().flatten().map(|c| (c.id, c.title)).collect();
-    for case in tables.into_iter().flatten() {
-        if !wanted.is_empty() && !wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)) {
-            continue;
+    let is_asked = |case: &&Case| match wanted.is_empty() {
+        true => full || case.tier == Tier::Quick,
+        false => wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)),
+    };
+    let cases: Vec<&Case> = tables.into_iter().flatten().filter(is_asked).collect();
+    // Many cases have work for one core only. One at a time where seconds go into the page.
+    let page = arguments.iter().any(|a| a == "--page");
+    let at_once = if page { 1 } else { std::thread::available_parallelism().map_or(1, usize::from) };
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..at_once {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Relaxed);
+                    let Some(case) = cases.get(k) else { break };
+                    let row = judged(case);
+                    done.lock().expect("no panic while it is held").push((k, row));
+                }
+            });
         }
-        if wanted.is_empty() && case.tier == Tier::Full && !full {
-            continue;
-        }
-        let start = Instant::now();
-        // A panic is one failed row, not the end of the table.
-        let outcome = std::panic::catch_unwind(case.run);
-        let seconds = start.elapsed().as_secs_f64();
-        let known = KNOWN.iter().find(|(id, title, _)| (*id, *title) == (case.id, case.title));
-        let (verdict, text, is_surprise) = match (outcome, known) {
-            (Ok(Ok(text)), None) => ("pass", text, false),
-            (Ok(Err(text)), Some((_, _, why))) => ("known", format!("{text} ({why})"), false),
-            (Ok(Ok(text)), Some(_)) => {
-                ("PASS", format!("{text}; it was known to fail: take it out of KNOWN"), true)
-            }
-            (Ok(Err(text)), None) => ("FAIL", text, true),
-            // Nothing that is known explains one.
-            (Err(_), _) => ("FAIL", "panicked, see above".into(), true),
-        };
-        surprises += usize::from(is_surprise);
-        println!("{:<5} {:<8} {:>8.2}  {}; {}", case.id, verdict, seconds, case.title, text);
-        rows.push(page::Row { id: case.id, title: case.title, verdict, seconds, text });
-    }
-    if arguments.iter().any(|a| a == "--page") {
-        page::enter(rows, &titles);
+    });
+    let mut done = done.into_inner().expect("no panic while it is held");
+    done.sort_by_key(|(k, _)| *k);
+    let surprises = done.iter().filter(|(_, (_, is_surprise))| *is_surprise).count();
+    if page {
+        page::enter(done.into_iter().map(|(_, (row, _))| row).collect(), &titles);
     }
     if surprises > 0 {
         println!("{surprises} hard case(s) ended otherwise than expected");
         std::process::exit(1);
     }
+}
+
+/// Runs a case and prints its row; whether it ended otherwise than expected.
+fn judged(case: &Case) -> (page::Row, bool) {
+    let start = Instant::now();
+    // A panic is one failed row, not the end of the table.
+    let outcome = std::panic::catch_unwind(case.run);
+    let seconds = start.elapsed().as_secs_f64();
+    let known = KNOWN.iter().find(|(id, title, _)| (*id, *title) == (case.id, case.title));
+    let (verdict, text, is_surprise) = match (outcome, known) {
+        (Ok(Ok(text)), None) => ("pass", text, false),
+        (Ok(Err(text)), Some((_, _, why))) => ("known", format!("{text} ({why})"), false),
+        (Ok(Ok(text)), Some(_)) => {
+            ("PASS", format!("{text}; it was known to fail: take it out of KNOWN"), true)
+        }
+        (Ok(Err(text)), None) => ("FAIL", text, true),
+        // Nothing that is known explains one.
+        (Err(_), _) => ("FAIL", "panicked, see above".into(), true),
+    };
+    println!("{:<5} {:<8} {:>8.2}  {}; {}", case.id, verdict, seconds, case.title, text);
+    (page::Row { id: case.id, title: case.title, verdict, seconds, text }, is_surprise)
 }
