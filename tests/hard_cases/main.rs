@@ -92,27 +92,24 @@ fn main() {
         false => wanted.iter().any(|w| w.eq_ignore_ascii_case(case.id)),
     };
     let cases: Vec<&Case> = tables.into_iter().flatten().filter(is_asked).collect();
-    // Many cases have work for one core only. One at a time where seconds go into the page.
+    // Many quick cases have work for one core only. Rows of the page come in order, with seconds that nothing else ran beside.
     let page = arguments.iter().any(|a| a == "--page");
-    let at_once = if page { 1 } else { std::thread::available_parallelism().map_or(1, usize::from) };
+    let at_once = if full || page { 1 } else { std::thread::available_parallelism().map_or(1, usize::from) };
     let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
         for _ in 0..at_once {
             scope.spawn(|| {
-                loop {
-                    let k = next.fetch_add(1, Relaxed);
-                    let Some(case) = cases.get(k) else { break };
+                while let Some(case) = cases.get(next.fetch_add(1, Relaxed)) {
                     let row = judged(case);
-                    done.lock().expect("no panic while it is held").push((k, row));
+                    done.lock().expect("no panic while it is held").push(row);
                 }
             });
         }
     });
-    let mut done = done.into_inner().expect("no panic while it is held");
-    done.sort_by_key(|(k, _)| *k);
-    let surprises = done.iter().filter(|(_, (_, is_surprise))| *is_surprise).count();
+    let done = done.into_inner().expect("no panic while it is held");
+    let surprises = done.iter().filter(|(_, is_surprise)| *is_surprise).count();
     if page {
-        page::enter(done.into_iter().map(|(_, (row, _))| row).collect(), &titles);
+        page::enter(done.into_iter().map(|(row, _)| row).collect(), &titles);
     }
     if surprises > 0 {
         println!("{surprises} hard case(s) ended otherwise than expected");
