@@ -4,20 +4,24 @@
 use std::sync::{Mutex, Once, PoisonError};
 
 use crate::output::claim::Claim;
+use crate::output::OutputError;
 
 /// What the run that goes on leaves.
 #[cfg(unix)]
 type Left = Box<dyn Fn() -> Option<String> + Send>;
 
-/// From here on a signal that ends the process says first what the run of `claim` leaves. A signal that is ignored (`nohup`, a job in
-/// the background) stays so.
+/// Makes the claim of a run, and from its first folder on a signal that ends the process says first what the run leaves: one that comes
+/// while the claim is made waits for it. A signal that is ignored (`nohup`, a job in the background) stays so.
 #[cfg(unix)]
-pub(super) fn watch(claim: &Claim) {
+pub(super) fn watched(claim: impl FnOnce() -> Result<Claim, OutputError>) -> Result<Claim, OutputError> {
     static LEFT: Mutex<Option<Left>> = Mutex::new(None);
     static WATCHING: Once = Once::new();
-    *LEFT.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(claim.stopper()));
+    let mut left = LEFT.lock().unwrap_or_else(PoisonError::into_inner);
     // One for the process, however many commands run in it.
     WATCHING.call_once(|| wait(&LEFT));
+    let claim = claim()?;
+    *left = Some(Box::new(claim.stopper()));
+    Ok(claim)
 }
 
 /// Starts to wait for the signals.
@@ -60,4 +64,6 @@ const KILLED: i32 = 128 + 15;
 
 /// Elsewhere the system ends the process; what is left is the same.
 #[cfg(not(unix))]
-pub(super) fn watch(_: &Claim) {}
+pub(super) fn watched(claim: impl FnOnce() -> Result<Claim, OutputError>) -> Result<Claim, OutputError> {
+    claim()
+}

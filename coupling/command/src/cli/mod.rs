@@ -75,9 +75,7 @@ impl OutArguments {
     fn claim(&self, command: &str, name: &str) -> Result<Claim, CommandError> {
         let default = || Path::new("out").join(format!("{command}-{name}"));
         let folder = self.out.clone().unwrap_or_else(default);
-        let claim = Claim::new(&folder, Identity::new(command, name), self.force)?;
-        interrupt::watch(&claim);
-        Ok(claim)
+        Ok(interrupt::watched(|| Claim::new(&folder, Identity::new(command, name), self.force))?)
     }
 }
 
