@@ -3,8 +3,8 @@
 #[cfg(unix)]
 use std::sync::{Mutex, Once, PoisonError};
 
-use crate::output::claim::Claim;
 use crate::output::OutputError;
+use crate::output::claim::Claim;
 
 /// What the run that goes on leaves.
 #[cfg(unix)]
