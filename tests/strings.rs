@@ -151,10 +151,10 @@ fn what_rests_on_a_solid_has_forces_and_stiffness_that_are_derivatives() {
             .map(|_| {
                 let at = Vector3::new(random.uniform(), 1.0, random.uniform()).normalize() * (RADIUS + depth);
                 let a = at / 0.01;
-                Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area: 1e-6 }
+                Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area: 1e-6, layer }
             })
             .collect();
-        let body = Obstacle::new("body", Round::Ball.field(), layer, &[[0, 1, 2, 3]], vec![samples]);
+        let body = Obstacle::new("body", Round::Ball.field(), &[[0, 1, 2, 3]], vec![samples]);
         let x = [0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01];
         let at = |x: &[f64; 12]| {
             let s = State { x, controls: &[] };

@@ -48,7 +48,7 @@ fn subject() -> Result<Option<DeepFlexion>, String> {
 fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
     let knee = subject.knee(mode).map_err(|e| e.to_string())?;
-    let poses = subject.poses();
+    let poses = subject.poses(0.0);
     let Bent { knee, frames, stopped, .. } = flex(knee, &poses, quadriceps, &Settings::default());
     if let Some(stopped) = stopped {
         return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));

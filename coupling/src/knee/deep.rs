@@ -9,7 +9,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::anatomy::{Bone, KneeAnatomy};
 use super::flexion::FlexionFrame;
 use super::pose::{Coordinates, TibiaPath, read_measured};
-use super::rigid::{ReferencePose, RigidKnee};
+use super::quadriceps::HEADS;
+use super::rigid::{Quadriceps, ReferencePose, RigidKnee};
 use crate::error::CouplingError;
 
 /// Where what is needed may be in the folder of data, or beside it.
@@ -71,18 +72,24 @@ impl DeepFlexion {
 
     /// The knee, with its strands in their reference strain at a measured pose.
     pub fn knee(&self, mode: ContactMode) -> Result<RigidKnee, CouplingError> {
+        self.knee_with(mode, Quadriceps::Forces(&HEADS))
+    }
+
+    /// The same with its quadriceps as tissue.
+    pub fn knee_with(&self, mode: ContactMode, quadriceps: Quadriceps) -> Result<RigidKnee, CouplingError> {
         let [tibia, patella] = *self.measured.get(REFERENCE).ok_or_else(|| {
             CouplingError::Option(format!("{MEASURED} needs at least {} rows", REFERENCE + 1))
         })?;
-        let knee = RigidKnee::new(&self.anatomy, &ReferencePose { tibia, patella }, mode);
+        let knee =
+            RigidKnee::with_quadriceps(&self.anatomy, &ReferencePose { tibia, patella }, mode, quadriceps);
         knee.map_err(|error| CouplingError::Option(error.to_string()))
     }
 
-    /// Poses of the tibia, every 2.5 degrees to 137.5 as far as the table goes.
-    pub fn poses(&self) -> Vec<Coordinates> {
+    /// Poses of the tibia, every 2.5 degrees from a flexion \[degrees\] to 137.5 as far as the table goes.
+    pub fn poses(&self, first: f64) -> Vec<Coordinates> {
         let [from, to] = self.path.range();
-        let n = (DEEPEST / STRIDE) as usize;
-        let all = (0..=n).map(|k| k as f64 * STRIDE);
+        let n = ((DEEPEST - first) / STRIDE) as usize;
+        let all = (0..=n).map(|k| first + k as f64 * STRIDE);
         all.filter(|f| (from..=to).contains(f)).map(|f| self.path.at(f)).collect()
     }
 

@@ -16,20 +16,43 @@ const SPACING: f64 = 1e-3;
 const SUNK: f64 = 1.4e-3;
 /// Thickness \[m\] of cartilage at its rim (median over the sheet): there it slopes down to the bone.
 const RIM: f64 = 2.2e-3;
+/// What is farther \[m\] than the four spacings within which samples are exact is of no interest, and twice as far.
+const MARGIN: f64 = 8e-3;
 
-/// The distance to a femur, in whose own frame its cartilage (an open sheet, normals outward) and bone are given; all of it lies `raised` \[m\]
-/// farther out.
-pub fn field(cartilage: &Surface, bone: &Surface, raised: f64) -> Result<DistanceField, SurfaceError> {
-    let sloped = with_slope(cartilage);
+/// The distance to a femur around its knee, in whose own frame its cartilage (an open sheet, normals outward) and bone are given.
+pub fn field(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, SurfaceError> {
+    sampled(cartilage, bone, BOX.map(Vector3::from))
+}
+
+/// The same of all of the femur.
+pub fn whole(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, SurfaceError> {
+    let ([lo, hi], [from, to]) = (<[_; 2]>::from(bone.bounds()), <[_; 2]>::from(cartilage.bounds()));
+    let margin = Vector3::repeat(MARGIN);
+    sampled(cartilage, bone, [lo.inf(&from) - margin, hi.sup(&to) + margin])
+}
+
+fn sampled(
+    cartilage: &Surface,
+    bone: &Surface,
+    [lo, hi]: [Vector3<f64>; 2],
+) -> Result<DistanceField, SurfaceError> {
+    let bone = SearchSurface::new(bone.clone());
+    let bone = SignedDistance::new(&bone)?;
+    let sloped = with_slope(cartilage, &bone);
     let n_sheet = cartilage.triangles.len();
     let mut normals = vec![Vector3::zeros(); sloped.points.len()];
     for (t, corners) in sloped.triangles.iter().enumerate() {
         corners.iter().for_each(|c| normals[*c as usize] += sloped.area_vector(t));
     }
-    let (sheet, bone) = (SearchSurface::new(sloped), SearchSurface::new(bone.clone()));
-    let bone = SignedDistance::new(&bone)?;
+    let sheet = SearchSurface::new(sloped);
+    let (from, to) = sheet.surface().bounds();
+    let margin = Vector3::repeat(MARGIN);
+    let (from, to) = (from - margin, to + margin);
     let distance = |p: &Vector3<f64>| {
         let of_bone = || bone.at(p).distance + SUNK;
+        if *p != p.sup(&from).inf(&to) {
+            return of_bone();
+        }
         let Some((closest, triangle, part)) = sheet.nearest(p) else { return of_bone() };
         let corners = sheet.surface().triangles[triangle as usize];
         // The normal between the corners, and not that of the triangle: at edges and corners that one may look the wrong way.
@@ -48,8 +71,7 @@ pub fn field(cartilage: &Surface, bone: &Surface, raised: f64) -> Result<Distanc
             false => signed.min(of_bone()),
         }
     };
-    let [lo, hi] = BOX.map(Vector3::from);
-    Ok(DistanceField::new(lo, hi, SPACING, |p: &Vector3<f64>| distance(p) - raised))
+    Ok(DistanceField::new(lo, hi, SPACING, distance))
 }
 
 /// How far \[m\] a smooth femur lies below the points of its cartilage at most: so far it has to be raised for whatever stays off it to stay off
@@ -59,8 +81,9 @@ pub fn below(field: &DistanceField, cartilage: &Surface) -> f64 {
     cartilage.points.iter().map(depth).fold(0.0, f64::max)
 }
 
-/// A sheet with a slope along its rim, down to the bone and twice as far out.
-fn with_slope(sheet: &Surface) -> Surface {
+/// A sheet with a slope along its rim, down to the bone and twice as far out. Where the bone turns away, the foot goes down to the sunk bone: a
+/// tangent alone would stand out as a fin, on which a muscle catches.
+fn with_slope(sheet: &Surface, bone: &SignedDistance) -> Surface {
     let mut normals = vec![Vector3::zeros(); sheet.points.len()];
     let mut outward = normals.clone();
     let mut sides = BTreeMap::<[u32; 2], usize>::new();
@@ -89,7 +112,10 @@ fn with_slope(sheet: &Surface) -> Surface {
         let [c, d] = [a, b].map(|n| {
             *below.entry(n).or_insert_with(|| {
                 let [down, out] = [-normals[n as usize].normalize(), outward[n as usize].normalize()];
-                sloped.points.push((place(n) + RIM * (down + 2.0 * out)).into());
+                let foot = place(n) + RIM * (down + 2.0 * out);
+                let at = bone.at(&foot);
+                let above = (at.distance + SUNK).max(0.0);
+                sloped.points.push((foot - above * at.gradient(&foot)).into());
                 sloped.points.len() as u32 - 1
             })
         });

@@ -7,6 +7,7 @@ use fem::run::{Drive, DriveFrame, Frame, Run, Session};
 use fem::solve::{Settings, SolveError};
 use nalgebra::Point3;
 
+use super::muscles::MuscleState;
 use super::pose::Coordinates;
 use super::rigid::{RigidKnee, StrandState};
 
@@ -34,6 +35,8 @@ pub struct FlexionFrame {
     pub strands: Vec<StrandState>,
     /// Where each goes \[m\], in the frame of the femur.
     pub ways: Vec<Vec<Point3<f64>>>,
+    /// Its muscles, where they are tissue.
+    pub muscles: Option<MuscleState>,
     /// Iterations of Newton's method.
     pub iterations: usize,
 }
@@ -49,6 +52,7 @@ impl FlexionFrame {
             contact: knee.pressed(at.x),
             strands: knee.strand_states(at.x, &at.load.controls),
             ways: knee.ways(at.x),
+            muscles: knee.muscles.as_ref().map(|muscles| MuscleState::of(&knee.plan, at, muscles)),
             iterations: frame.count(|island| island.iterations),
         }
     }
@@ -152,7 +156,8 @@ fn course(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &S
     // Where the patella is, is known in the reference pose: the force comes there, doubled from part to part, and the tibia goes to the first
     // pose in small steps.
     let way = poses.first().map_or(Vec::new(), |first| knee.reference.towards(first, APPROACH));
-    let parts = (1..=DOUBLED).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
+    let doubled = if quadriceps > 0.0 { DOUBLED } else { 0 };
+    let parts = (1..=doubled).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
     for (tibia, part) in &parts.chain(way.into_iter().map(|tibia| (tibia, 1.0))).collect::<Vec<_>>() {
         let Ok(load) = knee.load(tibia, part * quadriceps) else { continue };
         let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });

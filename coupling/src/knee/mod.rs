@@ -5,6 +5,8 @@ pub mod deep;
 pub mod femur;
 pub mod flexion;
 pub mod frames;
+pub mod level;
+pub mod muscles;
 pub mod pose;
 pub mod quadriceps;
 pub mod rigid;

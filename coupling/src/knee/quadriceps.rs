@@ -11,7 +11,7 @@
 //! 200 N, and the sum of NRMSD against the measured poses goes from 2.86 to 2.94.
 //! Directions were found in no source that could be read; they stand from memory, in the order of obliquity that the abstract states.
 
-use nalgebra::{Point3, Rotation3, Unit, Vector3};
+use nalgebra::{Point3, Rotation3, Vector3};
 
 /// A head of the quadriceps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,15 +83,32 @@ impl Head {
     }
 }
 
-/// Direction of the shaft of a femur, upward: of the line through the middles of its points `from` to `to` \[m\] above its origin.
-pub fn shaft(points: &[[f64; 3]], [from, to]: [f64; 2]) -> Unit<Vector3<f64>> {
-    let middle = |lo: f64, hi: f64| {
-        let within: Vec<Vector3<f64>> =
-            points.iter().filter(|p| p[1] >= lo && p[1] < hi).map(|p| Vector3::from(*p)).collect();
-        within.iter().sum::<Vector3<f64>>() / within.len() as f64
-    };
-    let half = 0.5 * (from + to);
-    Unit::new_normalize(middle(half, to) - middle(from, half))
+/// The shaft of a femur: a line through its middle, upward.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaft {
+    /// A point of it \[m\].
+    pub middle: Vector3<f64>,
+    /// Its unit direction.
+    pub direction: Vector3<f64>,
+}
+
+impl Shaft {
+    /// The line through the middles of its points `from` to `to` \[m\] above the origin of the femur.
+    pub fn of(points: &[[f64; 3]], [from, to]: [f64; 2]) -> Shaft {
+        let middle = |lo: f64, hi: f64| {
+            let within: Vec<Vector3<f64>> =
+                points.iter().filter(|p| p[1] >= lo && p[1] < hi).map(|p| Vector3::from(*p)).collect();
+            within.iter().sum::<Vector3<f64>>() / within.len() as f64
+        };
+        let half = 0.5 * (from + to);
+        let middle = [middle(from, half), middle(half, to)];
+        Shaft { middle: middle[0], direction: (middle[1] - middle[0]).normalize() }
+    }
+
+    /// Its point that is nearest to another \[m\].
+    pub fn nearest(&self, p: &Vector3<f64>) -> Vector3<f64> {
+        self.middle + self.direction * self.direction.dot(&(p - self.middle))
+    }
 }
 
 #[cfg(test)]
@@ -125,7 +142,8 @@ mod tests {
             })
         };
         let points: Vec<[f64; 3]> = (0..20).flat_map(|k| ring(0.105 + 0.01 * f64::from(k))).collect();
-        let axis = shaft(&points, [0.1, 0.3]);
-        assert!((axis.into_inner() - Vector3::new(0.1, 1.0, -0.2).normalize()).norm() < 1e-12, "{axis:?}");
+        let Shaft { middle, direction } = Shaft::of(&points, [0.1, 0.3]);
+        assert!((direction - Vector3::new(0.1, 1.0, -0.2).normalize()).norm() < 1e-12, "{direction}");
+        assert!((middle - 0.15 * Vector3::new(0.1, 1.0, -0.2)).xz().norm() < 1e-2, "{middle}");
     }
 }

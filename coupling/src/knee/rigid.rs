@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fem::body::Pose;
 use fem::effect::obstacle::{Layer, Obstacle, Pressed, Sample};
 use fem::effect::{Effect, State};
-use fem::geometry::{DistanceField, Surface, SurfaceError};
+use fem::geometry::{DistanceField, SearchSurface, Surface, SurfaceError};
 use fem::material::line::{LineLaw, Strand};
 use fem::mesh::{CellBlock, CellKind, Mesh};
 use fem::plan::{Builder, Load, Names, Plan, SceneError, Term};
@@ -16,8 +16,10 @@ use thiserror::Error;
 
 use super::anatomy::{Bone, KneeAnatomy};
 use super::femur;
+use super::level::level;
+use super::muscles::{MuscleError, Muscles, PatellaPlace, Resolution};
 use super::pose::Coordinates;
-use super::quadriceps::{HEADS, Head, shaft};
+use super::quadriceps::{HEADS, Head, Shaft};
 use super::string::{Pull, Strings, TautString, Way};
 
 /// Name of the patella as a body.
@@ -117,6 +119,9 @@ pub enum KneeError {
     /// The bone of the femur is no closed surface.
     #[error("femur: {0}")]
     Surface(#[from] SurfaceError),
+    /// The muscles cannot be meshed.
+    #[error(transparent)]
+    Muscles(#[from] MuscleError),
     /// The scene cannot be.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -144,6 +149,8 @@ impl ReferencePose {
 pub struct RigidKnee {
     /// What is solved.
     pub plan: Plan,
+    /// Its muscles, where they are tissue.
+    pub muscles: Option<Muscles>,
     /// Distance to the femur in its frame.
     pub femur: Arc<DistanceField>,
     /// Pose of the tibia that the strands are made for.
@@ -166,6 +173,15 @@ pub struct StrandState {
     pub strain: f64,
     /// Tension \[N\].
     pub tension: f64,
+}
+
+/// The quadriceps.
+#[derive(Clone, Copy, Debug)]
+pub enum Quadriceps<'a> {
+    /// Strings of given tension.
+    Forces(&'a [Head]),
+    /// Passive tissue.
+    Tissue(Resolution),
 }
 
 /// A mesh and a scene that grow together.
@@ -216,6 +232,23 @@ impl Draft {
             self.mesh.node_sets.entry(set.to_string()).or_default().push(node);
         }
         node
+    }
+
+    /// The quadriceps as tissue.
+    fn muscles(
+        &mut self,
+        femur: (Arc<DistanceField>, SearchSurface),
+        to_femur: &Isometry3<f64>,
+        patella: &PatellaPlace,
+        shaft: &Shaft,
+        resolution: Resolution,
+    ) -> Result<Muscles, MuscleError> {
+        let muscles =
+            Muscles::add(&mut self.mesh, &mut self.scene, femur, to_femur, patella, shaft, resolution)?;
+        for (bone, nodes) in [(Bone::Femur, &muscles.held), (Bone::Patella, &muscles.on_patella)] {
+            self.mesh.node_sets.entry(set(bone).to_string()).or_default().extend(nodes);
+        }
+        Ok(muscles)
     }
 
     /// A straight strand that has a strain in the reference pose, from where the patella has gone by `lift`.
@@ -278,15 +311,15 @@ impl RigidKnee {
         reference: &ReferencePose,
         mode: ContactMode,
     ) -> Result<RigidKnee, KneeError> {
-        RigidKnee::with_heads(anatomy, reference, mode, &HEADS)
+        RigidKnee::with_quadriceps(anatomy, reference, mode, Quadriceps::Forces(&HEADS))
     }
 
-    /// The same with other heads of the quadriceps.
-    pub fn with_heads(
+    /// The same with other heads of the quadriceps, or with its muscles.
+    pub fn with_quadriceps(
         anatomy: &KneeAnatomy,
         reference: &ReferencePose,
         mode: ContactMode,
-        heads: &[Head],
+        quadriceps: Quadriceps,
     ) -> Result<RigidKnee, KneeError> {
         let [tibia, patella] = [reference.tibia, reference.patella].map(|c| c.pose());
         let own = |bone: Bone| anatomy.frame(bone).inverse();
@@ -298,11 +331,14 @@ impl RigidKnee {
         };
         let bone = moved(&anatomy.femur, &own(Bone::Femur));
         let sheet = moved(&anatomy.femoral_cartilage, &own(Bone::Femur));
-        let field = Arc::new(femur::field(&sheet, &bone, 0.0)?);
+        let field = Arc::new(match quadriceps {
+            Quadriceps::Forces(_) => femur::field(&sheet, &bone)?,
+            Quadriceps::Tissue(_) => femur::whole(&sheet, &bone)?,
+        });
         let solid = match mode {
             ContactMode::Cheap => field.clone(),
             // What samples of the patella stay off encloses the triangles of the femur.
-            ContactMode::Guarded => Arc::new(femur::field(&sheet, &bone, femur::below(&field, &sheet))?),
+            ContactMode::Guarded => Arc::new(field.raised(femur::below(&field, &sheet))),
         };
         let patellar = moved(&anatomy.patellar_cartilage, &to_reference(Bone::Patella));
         let lifted = lift(&solid, &patellar).ok_or(KneeError::NoGroove)?;
@@ -326,14 +362,32 @@ impl RigidKnee {
                 draft.string(&name, string, lift * to, StringPull::Elastic(law, slack));
             }
         }
-        let axis = shaft(&bone.points, SHAFT);
-        let bounds = anatomy.patella_half_axes();
-        for head in heads {
-            let [lateral, up] = head.insertion;
-            let at = patella * Point3::new(bounds[0], up * bounds[1], lateral * bounds[2]);
-            let string = TautString::new(field.clone(), head.origin(&at, &axis));
-            draft.string(head.name, string, lift * at, StringPull::Share(head.share));
-        }
+        let shaft = Shaft::of(&bone.points, SHAFT);
+        let muscles = match quadriceps {
+            Quadriceps::Forces(heads) => {
+                let bounds = anatomy.patella_half_axes();
+                for head in heads {
+                    let [lateral, up] = head.insertion;
+                    let at = patella * Point3::new(bounds[0], up * bounds[1], lateral * bounds[2]);
+                    let string = TautString::new(field.clone(), head.origin(&at, &shaft.direction));
+                    draft.string(head.name, string, lift * at, StringPull::Share(head.share));
+                }
+                None
+            }
+            Quadriceps::Tissue(resolution) => {
+                let top = anatomy.patella.points.iter().map(|p| p[1]).fold(f64::MIN, f64::max);
+                let height = anatomy.patella_half_axes()[1];
+                let place = PatellaPlace { pose: lift * patella, height, top };
+                let triangles = SearchSurface::new(level(&field, 0.0, field.spacing()).with(&sheet));
+                Some(draft.muscles(
+                    (solid.clone(), triangles),
+                    &own(Bone::Femur),
+                    &place,
+                    &shaft,
+                    resolution,
+                )?)
+            }
+        };
         let Draft { mut scene, mesh, names: strands, ligament, strings } = draft;
         let (nodes, components) = (set(Bone::Femur).to_string(), [true; 3]);
         scene.prescribed.push(PrescribedSpec { nodes, components, displacement: Vec::new(), control: None });
@@ -341,20 +395,20 @@ impl RigidKnee {
         scene.free_bodies.push(FreeBodySpec::new(PATELLA));
         let own = |mesh: &Mesh, names: &mut Names| {
             let control = names.control(QUADRICEPS);
-            Ok(vec![
-                resting_patella(mesh, &solid, &patellar, layer(mode)),
-                pulling_strings(&strings, control),
-            ])
+            let on_femur = muscles.as_ref().map(Muscles::term);
+            let cartilage = resting_patella(mesh, &solid, &patellar, layer(mode));
+            Ok([cartilage, pulling_strings(&strings, control)].into_iter().chain(on_femur).collect())
         };
         let plan = Plan::with_terms(&scene, mesh, &own)?;
         let frame = plan.free_bodies[0].frame;
-        let samples = samples(&plan.mesh, frame, &patellar);
-        let cartilage = Obstacle::new("cartilage", solid, layer(mode), &[frame], vec![samples]);
+        let samples = samples(&plan.mesh, frame, &patellar, layer(mode));
+        let cartilage = Obstacle::new("cartilage", solid, &[frame], vec![samples]);
         let control = plan.controls.iter().position(|c| c == QUADRICEPS).expect("named by the strings");
         let nodes: Vec<[u32; 1]> = strings.iter().map(|s| [s.node]).collect();
         let strings = built("strings", &nodes, &strings, control);
         Ok(RigidKnee {
             plan,
+            muscles,
             femur: field.clone(),
             reference: reference.tibia,
             tibia,
@@ -433,18 +487,18 @@ fn pulling_strings(strings: &[StringEnd], control: usize) -> Term {
 fn resting_patella(mesh: &Mesh, field: &Arc<DistanceField>, patellar: &Surface, layer: Layer) -> Term {
     let frame = &mesh.blocks.last().expect("the frame of the patella").nodes;
     let frame: [u32; 4] = frame.as_slice().try_into().expect("four nodes of a frame");
-    let samples = samples(mesh, frame, patellar);
+    let samples = samples(mesh, frame, patellar, layer);
     let field = field.clone();
     let build: Builder = Box::new(move |name, _, nodes, _| {
         let frame: [u32; 4] = nodes.try_into().expect("the frame of one body");
-        let obstacle = Obstacle::new(name, field.clone(), layer, &[frame], vec![samples.clone()]);
+        let obstacle = Obstacle::new(name, field.clone(), &[frame], vec![samples.clone()]);
         Ok(Box::new(obstacle) as Box<dyn Effect>)
     });
     Term { name: "cartilage".into(), nodes_per_group: 4, nodes: frame.to_vec(), couples: true, build }
 }
 
 /// Points of a surface as fixed means of a frame, each with a third of the triangles around it.
-fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface) -> Vec<Sample<4>> {
+fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface, layer: Layer) -> Vec<Sample<4>> {
     let [o, x, ..] = frame.map(|n| Vector3::from(mesh.points[n as usize]));
     let size = (x - o).norm();
     let mut areas = vec![0.0; surface.points.len()];
@@ -453,7 +507,7 @@ fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface) -> Vec<Sample<4>> {
     }
     let sample = |(p, area): (&[f64; 3], f64)| {
         let a = (Vector3::from(*p) - o) / size;
-        Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area }
+        Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area, layer }
     };
     surface.points.iter().zip(areas).map(sample).collect()
 }

@@ -16,7 +16,7 @@ pub const SHELL_SHEAR: f64 = 7.5e3;
 /// Layers between surfaces in guarded contact are this many times as stiff as the matrix behind them: fibres that pull with 300 kPa around a
 /// bend of some thicknesses press with some 100 kPa (an estimate), five times Young's modulus of the matrix. With 1 the walker at 14 and 20 mm
 /// takes more than 110 s; with 5 it takes 35 to 37 s at 12, 14, 16 and 20 mm.
-pub(super) const CONTACT_LAYER: f64 = 5.0;
+pub const CONTACT_LAYER: f64 = 5.0;
 /// The end layers are this many times stiffer, fading over three layers.
 pub(super) const END_STIFFNESS: f64 = 40.0;
 pub(super) const END_LAYERS: usize = 3;

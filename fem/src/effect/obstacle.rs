@@ -57,6 +57,8 @@ pub struct Sample<const M: usize> {
     pub weights: [f64; M],
     /// Area \[m²\] that it stands for.
     pub area: f64,
+    /// What is between it and the solid.
+    pub layer: Layer,
 }
 
 /// What presses on a solid.
@@ -78,7 +80,6 @@ pub struct Pressed {
 pub struct Obstacle<const M: usize> {
     groups: Groups,
     field: Arc<DistanceField>,
-    layer: Layer,
     /// Samples of each group.
     samples: Vec<Vec<Sample<M>>>,
 }
@@ -88,24 +89,23 @@ impl<const M: usize> Obstacle<M> {
     pub fn new(
         name: &str,
         field: Arc<DistanceField>,
-        layer: Layer,
         nodes: &[[u32; M]],
         samples: Vec<Vec<Sample<M>>>,
     ) -> Obstacle<M> {
         // A load from outside: it is on no side of a cut.
         let groups = Groups::new(name, EffectKind::Load, nodes, vec![[f64::NAN; 3]; nodes.len()]);
-        Obstacle { groups, field, layer, samples }
+        Obstacle { groups, field, samples }
     }
 
     /// Calls `see` with every sample of a group that bears: itself, place, e″, e′, e per area, gradient and Hessian of φ.
     fn each(&self, s: &State, group: usize, mut see: impl FnMut(&Sample<M>, &Felt)) {
         let nodes = self.groups.nodes::<M>(group).map(|n| Vector3::from(point(s.x, n)));
-        let reach = self.layer.reach();
         for sample in &self.samples[group] {
+            let reach = sample.layer.reach();
             let place: Vector3<f64> = (0..M).map(|k| sample.weights[k] * nodes[k]).sum();
             let Some(at) = self.field.near(&place, reach) else { continue };
             if at.distance < reach {
-                let law = self.layer.at(at.distance);
+                let law = sample.layer.at(at.distance);
                 see(sample, &Felt { place, distance: at.distance, law, n: at.gradient, bend: at.hessian });
             }
         }

@@ -66,6 +66,22 @@ impl DistanceField {
         DistanceField { lo, spacing, size, samples: samples.collect() }
     }
 
+    /// The same with all of its surface `by` \[m\] farther out.
+    pub fn raised(&self, by: f64) -> DistanceField {
+        DistanceField { samples: self.samples.iter().map(|d| d - by).collect(), ..*self }
+    }
+
+    /// Corner by corner the box \[m\] in which φ is known.
+    pub fn bounds(&self) -> [Vector3<f64>; 2] {
+        let corner = |n: [usize; 3]| self.lo + self.spacing * Vector3::from(n.map(|n| n as f64));
+        [corner([1; 3]), corner(self.size.map(|n| n - 2))]
+    }
+
+    /// Distance \[m\] between neighbouring samples.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
     /// φ at a point \[m\]; `None` outside the box.
     pub fn at(&self, point: &Vector3<f64>) -> Option<FieldPoint> {
         self.near(point, f64::INFINITY)
@@ -159,6 +175,17 @@ mod tests {
             let (found, expected) = (ball(h).at(&p).unwrap().distance, h * h / 6.0 * 2.0 / 0.02);
             assert!((found / expected - 1.0).abs() < 0.03, "{found} against {expected}");
         }
+    }
+
+    #[test]
+    fn a_raised_ball_lies_farther_out() {
+        let p = Vector3::new(1.0, -2.0, 0.5).normalize() * 0.0215;
+        let [before, after] = [ball(1e-3), ball(1e-3).raised(1.5e-3)].map(|f| f.at(&p).unwrap());
+        assert!((before.distance - after.distance - 1.5e-3).abs() < 1e-15, "{before:?} {after:?}");
+        assert!((before.gradient - after.gradient).norm() < 1e-12);
+        let [lo, hi] = ball(1e-3).bounds();
+        assert!(ball(1e-3).at(&(lo + Vector3::repeat(1e-9))).is_some(), "{lo}");
+        assert!(ball(1e-3).at(&(hi - Vector3::repeat(1e-9))).is_some(), "{hi}");
     }
 
     #[test]

@@ -28,6 +28,14 @@ pub struct Depth {
     pub triangle: u32,
 }
 
+impl Depth {
+    /// Unit gradient of the distance at the point \[m\] that was asked for; on the surface its normal.
+    pub fn gradient(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let away = point - self.closest;
+        away.try_normalize(f64::MIN_POSITIVE).map_or(self.normal, |n| self.distance.signum() * n)
+    }
+}
+
 impl<'a> SignedDistance<'a> {
     /// Prepares the normals. Refuses a surface with borders, where inside and outside have no meaning.
     pub fn new(search: &'a SearchSurface) -> Result<SignedDistance<'a>, SurfaceError> {

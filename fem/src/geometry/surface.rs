@@ -135,6 +135,14 @@ impl Surface {
         (of.collect::<Vec<_>>(), number.len())
     }
 
+    /// This surface and another as one.
+    pub fn with(mut self, other: &Surface) -> Surface {
+        let first = self.points.len() as u32;
+        self.points.extend(&other.points);
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|p| p + first)));
+        self
+    }
+
     /// The surface of some triangles, and the old number of every point.
     pub fn subset(&self, triangles: &[u32]) -> (Surface, Vec<u32>) {
         let kept = triangles.iter().map(|&t| self.triangles[t as usize]);

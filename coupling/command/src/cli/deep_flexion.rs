@@ -49,7 +49,7 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
     let path = folder.path().to_path_buf();
     progress.lap("knee");
     let settings = Settings::default();
-    let deep = flex(knee, &scene.poses(), QUADRICEPS[0], &settings);
+    let deep = flex(knee, &scene.poses(0.0), QUADRICEPS[0], &settings);
     let rows: Vec<_> = scene.measured.iter().map(|row| row[0]).collect();
     let unloaded = flex(scene.knee(ContactMode::Cheap)?, &rows, QUADRICEPS[1], &settings);
     progress.lap("bend");
@@ -78,7 +78,7 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
             out,
             "{} of {} frames solved; open {}/report.html",
             deep.frames.len(),
-            scene.poses().len(),
+            scene.poses(0.0).len(),
             path.display()
         ),
     };

@@ -43,7 +43,7 @@ pub fn write_deep_flexion(
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = Some(json!({
         "frames_solved": results.deep.frames.len(),
-        "frames_asked": results.scene.poses().len(),
+        "frames_asked": results.scene.poses(0.0).len(),
         "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
     }));
     let listed = super::names_in(&frames).into_iter().map(|name| format!("{}/{name}", KNEE_FRAMES[0][0]));
