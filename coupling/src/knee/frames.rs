@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fem::geometry::Surface;
+use fem::measure::solid_field;
 use fem::mesh::format::pvd::{Part, PvdWriter};
 use fem::mesh::format::vtu::Field;
 use fem::mesh::{CellBlock, CellKind, Mesh, MeshError};
@@ -24,7 +25,7 @@ pub fn write_frames(folder: &Path, anatomy: &KneeAnatomy, bent: &Bent) -> Result
     add(&mut femur, "femoral_cartilage", &anatomy.femoral_cartilage, &own(Bone::Femur));
     PvdWriter::create(folder, FEMUR)?.push(0.0, &femur, &[], &[])?;
     let mut series = PvdWriter::create(folder, FRAMES)?;
-    for frame in &bent.frames {
+    for (k, frame) in bent.frames.iter().enumerate() {
         let mut bones = Part { name: "bones", mesh: Mesh::default(), point_data: vec![], cell_data: vec![] };
         let tibia = frame.tibia.pose() * own(Bone::Tibia);
         let patella = frame.patella.pose() * own(Bone::Patella);
@@ -45,9 +46,24 @@ pub fn write_frames(folder: &Path, anatomy: &KneeAnatomy, bent: &Bent) -> Result
         }
         let cell_data = vec![field("tension_N", tension), field("strain", strain)];
         let strands = Part { name: "strands", mesh: strands, point_data: vec![], cell_data };
-        series.push_parts(frame.tibia.flexion, &[bones, strands])?;
+        let muscles = bent.knee.muscles.as_ref().map(|_| muscles(bent, k));
+        let parts: Vec<Part> = [bones, strands].into_iter().chain(muscles).collect();
+        series.push_parts(frame.tibia.flexion, &parts)?;
     }
     Ok(())
+}
+
+/// Cells of the heads of the quadriceps in a frame, with their greatest principal stress \[Pa\].
+fn muscles(bent: &Bent, k: usize) -> Part {
+    let (plan, at) = (&bent.knee.plan, bent.run.frames[k].snapshot());
+    let mut mesh = Mesh { points: at.x.as_chunks::<3>().0.to_vec(), ..Mesh::default() };
+    let mut stress = Vec::new();
+    for block in plan.mesh.blocks.iter().filter(|b| b.kind == CellKind::Hex8) {
+        mesh.blocks.push(block.clone());
+        let cells = solid_field(plan, at, &block.name).unwrap_or_default();
+        stress.extend(cells.iter().map(|c| c.principal[0]));
+    }
+    Part { name: "muscles", mesh, point_data: vec![], cell_data: vec![field("principal_stress_Pa", stress)] }
 }
 
 fn field(name: &'static str, values: Vec<f64>) -> Field<'static> {

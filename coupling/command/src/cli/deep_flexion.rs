@@ -12,47 +12,93 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
 use coupling::knee::deep::{DeepFlexion, deviations};
 use coupling::knee::flexion::{Bent, flex};
+use coupling::knee::muscles::Resolution;
+use coupling::knee::rigid::Quadriceps;
 use fem::scene::ContactMode;
 use fem::solve::Settings;
 
-/// Name of the scene.
-pub const NAME: &str = "deep_flexion";
-/// What it is.
-pub const WHAT: &str = "A knee bent to 137.5 degrees, its patella free under the force of the quadriceps.";
-/// Force \[N\] of the quadriceps on the way to deep flexion, and where poses were measured without load.
-const QUADRICEPS: [f64; 2] = [200.0, 50.0];
+/// A knee that can be bent.
+pub struct Knee {
+    /// Name of the scene.
+    pub name: &'static str,
+    /// What it is.
+    pub what: &'static str,
+    /// Forces \[N\] of the quadriceps on the way to deep flexion and along the poses that were measured without load, or its muscles.
+    quadriceps: Pull,
+    /// Flexion \[degrees\] of its first frame.
+    first: f64,
+}
 
-/// Whether a person means this scene, and no file.
-pub fn is_meant(scene: &Path) -> bool {
-    scene.as_os_str() == NAME
+enum Pull {
+    Forces([f64; 2]),
+    Tissue(Resolution),
+}
+
+/// All of them. With muscles the way begins where that of the study does.
+pub static KNEES: [Knee; 3] = [
+    Knee {
+        name: "deep_flexion",
+        what: "A knee bent to 137.5 degrees, its patella free under the force of the quadriceps.",
+        quadriceps: Pull::Forces([200.0, 50.0]),
+        first: 0.0,
+    },
+    Knee {
+        name: "deep_flexion_full",
+        what: "The same from 25 degrees on, its quadriceps passive tissue, cells of 4 mm.",
+        quadriceps: Pull::Tissue(Resolution { edge: 4e-3, cell: None }),
+        first: 25.0,
+    },
+    Knee {
+        name: "deep_flexion_embedded",
+        what: "The same with cells of 10 mm, and the vasti in cubes of 20 mm.",
+        quadriceps: Pull::Tissue(Resolution { edge: 10e-3, cell: Some(20e-3) }),
+        first: 25.0,
+    },
+];
+
+/// The knee that a person means, and no file.
+pub fn meant(scene: &Path) -> Option<&'static Knee> {
+    KNEES.iter().find(|knee| scene.as_os_str() == knee.name)
 }
 
 /// Runs the command.
-pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandError> {
+pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandError> {
+    let name = meant.name;
     let data = arguments.data.as_deref().ok_or_else(|| {
-        CommandError::Option(format!("`{NAME}` needs surfaces of a knee; name their folder with --data"))
+        CommandError::Option(format!("`{name}` needs surfaces of a knee; name their folder with --data"))
     })?;
     if arguments.resume {
-        return Err(CommandError::Option(format!("`{NAME}` takes seconds; run it without --resume")));
+        return Err(CommandError::Option(format!("`{name}` is one way; run it without --resume")));
     }
     let mut record = RunRecord::new("step");
-    let mut progress = Progress::new(&["read", "knee", "bend", "write"], quiet);
+    let mut progress = Progress::new(&["read", "knee", "bend", "measured", "write"], quiet);
     let scene = DeepFlexion::find(data)?;
     for file in &scene.files {
         record.inputs.push(InputFile::of(file)?);
     }
     progress.lap("read");
-    let knee = scene.knee(ContactMode::Cheap)?;
+    let (knee, forces) = match meant.quadriceps {
+        Pull::Forces(forces) => (scene.knee(ContactMode::Cheap)?, forces),
+        Pull::Tissue(resolution) => {
+            (scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution))?, [0.0; 2])
+        }
+    };
     scene.check_poses(&knee)?;
-    let claim = arguments.out.claim("step", NAME)?;
+    let claim = arguments.out.claim("step", name)?;
     let folder = OutputFolder::begin(claim, false)?;
     let path = folder.path().to_path_buf();
     progress.lap("knee");
     let settings = Settings::default();
-    let deep = flex(knee, &scene.poses(0.0), QUADRICEPS[0], &settings);
-    let rows: Vec<_> = scene.measured.iter().map(|row| row[0]).collect();
-    let unloaded = flex(scene.knee(ContactMode::Cheap)?, &rows, QUADRICEPS[1], &settings);
+    let (poses, rows) = (scene.poses(meant.first), scene.measured.iter().map(|row| row[0]).collect::<Vec<_>>());
+    let deep = flex(knee, &poses, forces[0], &settings);
     progress.lap("bend");
+    // A knee is bent once: its strings remember the way that they went.
+    let again = match meant.quadriceps {
+        Pull::Forces(_) => scene.knee(ContactMode::Cheap)?,
+        Pull::Tissue(resolution) => scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution))?,
+    };
+    let unloaded = flex(again, &rows, forces[1], &settings);
+    progress.lap("measured");
     record.notes = notes(&deep);
     progress.pause(|| tell(&record.notes));
     record.reason = [&deep, &unloaded].into_iter().find_map(Bent::stopped_told);
@@ -63,7 +109,8 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
     record.iterations.insert("Newton".into(), deep.run.iterations.len() as u64);
     record.again = Again::as_typed(&record.command_line);
     let against = unloaded.stopped.is_none().then(|| deviations(&unloaded.frames, &scene.measured));
-    let results = Results { scene: &scene, deep: &deep, unloaded: &unloaded, against, forces: QUADRICEPS };
+    let n_poses = poses.len();
+    let results = Results { scene: &scene, deep: &deep, unloaded: &unloaded, against, forces, n_poses };
     write_deep_flexion(folder, &results, &mut record)?;
     progress.lap("write");
     drop(progress);
@@ -76,9 +123,8 @@ pub fn run(arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandErro
         true => writeln!(out, "{}", serde_json::to_string_pretty(&record).expect("plain data")),
         false => writeln!(
             out,
-            "{} of {} frames solved; open {}/report.html",
+            "{} of {n_poses} frames solved; open {}/report.html",
             deep.frames.len(),
-            scene.poses(0.0).len(),
             path.display()
         ),
     };
@@ -93,5 +139,13 @@ fn notes(deep: &Bent) -> Vec<String> {
             100.0 * strain
         )
     });
-    stretched.collect()
+    let crossed = deep.frames.iter().filter_map(|f| {
+        let [heads, femur] = f.muscles?.crossings;
+        let told = format!(
+            "at {:.1} degrees {heads} pairs of triangles of two heads intersect, and {femur} of a head and the femur",
+            f.tibia.flexion
+        );
+        (heads + femur > 0).then_some(told)
+    });
+    stretched.chain(crossed).collect()
 }

@@ -48,7 +48,11 @@ fn list(w: &mut impl Write) -> std::io::Result<()> {
         }
     }
     writeln!(w, "knees (step; found with --data)")?;
-    writeln!(w, "  {:<20}{}", deep_flexion::NAME, deep_flexion::WHAT)
+    for knee in &deep_flexion::KNEES {
+        // As far as the longest name.
+        writeln!(w, "  {:<24}{}", knee.name, knee.what)?;
+    }
+    Ok(())
 }
 
 /// What a file says of itself first.

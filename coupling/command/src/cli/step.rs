@@ -1,4 +1,4 @@
-//! `sartorius step SCENE`: one scene, one configuration: with contact where the scene has contact. `deep_flexion` is no thigh but a knee.
+//! `sartorius step SCENE`: one scene, one configuration: with contact where the scene has contact. `deep_flexion` and its like are no thigh but a knee.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use coupling::configuration::PerConfiguration;
 
 #[derive(Args)]
 pub struct StepArguments {
-    #[arg(help = format!("{}. Or {}: {}", scenes(), deep_flexion::NAME, deep_flexion::WHAT))]
+    #[arg(help = format!("{}. Or a knee: {}", scenes(), deep_flexion::KNEES.each_ref().map(|k| k.name).join(", ")))]
     scene: PathBuf,
     #[command(flatten)]
     run: RunArguments,
@@ -21,8 +21,8 @@ pub struct StepArguments {
 /// Runs the command.
 pub fn run(arguments: &StepArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let StepArguments { scene, run } = arguments;
-    if deep_flexion::is_meant(scene) {
-        return deep_flexion::run(run, quiet);
+    if let Some(knee) = deep_flexion::meant(scene) {
+        return deep_flexion::run(knee, run, quiet);
     }
     let scene = read_scene(scene, run.data.as_deref())?;
     let with = scene.contact.is_some();

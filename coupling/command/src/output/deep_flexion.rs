@@ -7,7 +7,7 @@ use serde_json::json;
 use super::OutputError;
 use super::atomic::OutputFolder;
 use super::claim::KNEE_FRAMES;
-use super::run::RunRecord;
+use super::run::{RunRecord, Size};
 use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
 use coupling::knee::frames::write_frames;
@@ -23,8 +23,10 @@ pub struct Results<'a> {
     pub unloaded: &'a Bent,
     /// Per coordinate RMSD against the measured poses \[degrees, mm\], and over the mean of the measured values.
     pub against: Option<[[f64; 2]; 6]>,
-    /// Forces of the quadriceps \[N\]: deep flexion, measured poses.
+    /// Forces of the quadriceps \[N\]: deep flexion, measured poses. None where it is tissue.
     pub forces: [f64; 2],
+    /// Poses of the tibia that were asked for.
+    pub n_poses: usize,
 }
 
 /// Writes everything and, last of all, `run.json`.
@@ -36,6 +38,15 @@ pub fn write_deep_flexion(
     let started = Instant::now();
     out.write("patella.csv", |w| patella(w, results.deep))?;
     out.write("measured.csv", |w| measured(w, results))?;
+    if let Some(tissue) = &results.deep.knee.muscles {
+        out.write("muscles.csv", |w| muscles(w, results.deep))?;
+        let plan = &results.deep.knee.plan;
+        record.size = Some(Size {
+            elements: tissue.n_cells,
+            nodes: plan.mesh.points.len(),
+            unknowns: plan.n_unknowns(),
+        });
+    }
     let frames = out.path().join(KNEE_FRAMES[0][0]);
     write_frames(&frames, &results.scene.anatomy, results.deep)
         .map_err(|e| OutputError::at("write the frames in", &frames, std::io::Error::other(e)))?;
@@ -43,7 +54,7 @@ pub fn write_deep_flexion(
     out.write("report.html", |w| w.write_all(page.as_bytes()))?;
     record.verdict = Some(json!({
         "frames_solved": results.deep.frames.len(),
-        "frames_asked": results.scene.poses(0.0).len(),
+        "frames_asked": results.n_poses,
         "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
     }));
     let listed = super::names_in(&frames).into_iter().map(|name| format!("{}/{name}", KNEE_FRAMES[0][0]));
@@ -67,6 +78,25 @@ fn patella(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
         row.extend([norm(f.residual.force), 1e3 * norm(f.residual.moment), f.iterations as f64]);
         row.extend(f.strands.iter().flat_map(|s| [s.tension, s.strain]));
         csv.write_record(row.iter().map(f64::to_string))?;
+    }
+    csv.flush()
+}
+
+/// A row per frame: the muscles.
+fn muscles(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
+    let mut csv = csv::Writer::from_writer(w);
+    csv.write_record([
+        "knee_flexion_deg",
+        "rectus_stress_95_Pa",
+        "rectus_stress_greatest_Pa",
+        "least_volume_ratio",
+        "crossings_of_heads",
+        "crossings_of_head_and_femur",
+    ])?;
+    for (f, m) in bent.frames.iter().filter_map(|f| Some((f, f.muscles?))) {
+        let [heads, femur] = m.crossings.map(|n| n as f64);
+        let row = [f.tibia.flexion, m.stress[0], m.stress[1], m.least_volume, heads, femur];
+        csv.write_record(row.map(|v| v.to_string()))?;
     }
     csv.flush()
 }

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::page::{document, grid, section, table};
 use super::svg::{Ticks, escape, fixed, px};
 use crate::output::deep_flexion::Results;
+use coupling::knee::flexion::Bent;
 
 /// Size of a figure, and the margins of its frame.
 const SIZE: [f64; 2] = [340.0, 220.0];
@@ -63,9 +64,12 @@ pub fn page(results: &Results) -> String {
         let _ = write!(body, "<p>{}</p>", escape(&stopped));
     }
     let [load, small] = results.forces;
-    let lead = format!(
-        "Quadriceps {load} N to deep flexion, {small} N along the measured poses; points: measured, without load."
-    );
+    let lead = match results.deep.knee.muscles {
+        None => format!(
+            "Quadriceps {load} N to deep flexion, {small} N along the measured poses; points: measured, without load."
+        ),
+        Some(_) => "Quadriceps passive; points: measured, without load.".to_string(),
+    };
     body.push_str(&section("Where the patella is", &lead, &grid("normal", &figures)));
     if let Some(all) = results.against {
         let rows: Vec<Vec<String>> = (COORDINATES.iter().zip(all))
@@ -84,6 +88,9 @@ pub fn page(results: &Results) -> String {
         ));
     }
     body.push_str(&section("Contact of the cartilage", "", &grid("normal", &loads)));
+    if let Some(tissue) = &results.deep.knee.muscles {
+        body.push_str(&muscles(results.deep, tissue.n_cells));
+    }
     let rows: Vec<Vec<String>> = (results.deep.knee.strands.iter().enumerate())
         .map(|(i, name)| {
             let most = |of: &dyn Fn(&coupling::knee::flexion::FlexionFrame) -> f64| {
@@ -100,6 +107,25 @@ pub fn page(results: &Results) -> String {
         "Greatest tension and strain on the way. Heads of the quadriceps have a given tension and no strain.";
     body.push_str(&section("Strands", lead, &table(&["strand", "N", "%"], 1, &rows)));
     document("The patella in deep flexion", &body)
+}
+
+/// The quadriceps as tissue.
+fn muscles(bent: &Bent, n_cells: usize) -> String {
+    let all = || bent.frames.iter().filter_map(|f| Some((f.tibia.flexion, f.muscles?)));
+    let stress = |which: usize| all().map(|(at, m)| [at, 1e-3 * m.stress[which]]).collect();
+    let curves = [("95 % of the volume is below", "c1", false, stress(0)), ("greatest", "c2", false, stress(1))];
+    let volume = all().map(|(at, m)| [at, m.least_volume]).collect();
+    let figures = [
+        figure(("Principal stress in rectus femoris", "kPa"), &curves),
+        figure(("Least volume of a cell over that at rest", ""), &[("all heads", "c1", false, volume)]),
+    ];
+    let crossed = |which: usize| all().map(|(_, m)| m.crossings[which]).sum::<usize>();
+    let lead = format!(
+        "{n_cells} hexahedra. Over all frames {} pairs of triangles of two heads intersect, and {} of a head and the femur (an exact test that contact has no part in).",
+        crossed(0),
+        crossed(1)
+    );
+    section("Muscles", &lead, &grid("normal", &figures))
 }
 
 /// Curves over the flexion of the knee.
