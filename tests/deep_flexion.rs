@@ -3,8 +3,16 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use coupling::knee::deep::DeepFlexion;
+use coupling::knee::flexion::{Bent, flex};
+use coupling::knee::level::level;
+use coupling::knee::muscles::Resolution;
+use coupling::knee::rigid::Quadriceps;
 use fem::mesh::LengthUnit;
 use fem::mesh::format::vtu::{self, Vtu};
+use fem::scene::ContactMode;
+use fem::solve::Settings;
+use nalgebra::Vector3;
 use support::{sartorius, shared};
 
 /// What is left of forces \[N\] and moments \[N mm\] on the patella at most.
@@ -17,6 +25,12 @@ fn columns(file: &Path) -> HashMap<String, Vec<f64>> {
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
     let column = |c: usize| rows.iter().map(|row| row[c].parse().unwrap()).collect();
     names.iter().enumerate().map(|(c, name)| (name.to_string(), column(c))).collect()
+}
+
+/// The knee of the folder; none where its data are absent.
+fn subject() -> Option<DeepFlexion> {
+    let (Some(folder), Some(_)) = (shared("anatomy"), shared("reference/deep")) else { return None };
+    Some(DeepFlexion::find(&folder).unwrap())
 }
 
 #[test]
@@ -90,6 +104,60 @@ fn the_patella_of_a_real_knee_goes_through_deep_flexion() {
     }
     assert!(one.join("frames/femur.pvd").is_file());
     assert!(std::fs::read_to_string(one.join("report.html")).unwrap().contains("retinaculum medial 1"));
+}
+
+/// The quadriceps as tissue, as coarse as it goes, on the first few frames: equilibria, nothing through anything by a test that contact has no part
+/// in, and the same bytes on one and on two threads.
+#[test]
+fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
+    let Some(subject) = subject() else { return };
+    let resolution = Resolution { edge: 14e-3, cell: Some(30e-3) };
+    let knee = || subject.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution)).unwrap();
+    let poses: Vec<_> = subject.poses(25.0).into_iter().take(2).collect();
+    let bend = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| flex(knee(), &poses, 0.0, &Settings::default()))
+    };
+    let [one, two] = [1, 2].map(bend);
+    assert!(one.stopped.is_none(), "{:?}", one.stopped_told());
+    let bits = |bent: &Bent| -> Vec<u64> { bent.run.frames[1].x.iter().map(|v| v.to_bits()).collect() };
+    assert!(bits(&one) == bits(&two), "on one and on two threads");
+    for f in &one.frames {
+        let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert!(norm(f.residual.force) < LEFT[0] && 1e3 * norm(f.residual.moment) < LEFT[1], "{:?}", f.residual);
+        let muscles = f.muscles.unwrap();
+        assert_eq!(muscles.crossings, [0, 0]);
+        assert!(muscles.least_volume > 0.5 && muscles.stress[1] > muscles.stress[0], "{muscles:?}");
+        // What pulls is stretched tissue alone: newtons, and more of them with flexion.
+        assert!((0.5..20.0).contains(&f.contact.force.norm()), "{}", f.contact.force.norm());
+    }
+    assert!(one.frames[1].muscles.unwrap().stress[0] > one.frames[0].muscles.unwrap().stress[0]);
+    // The test of crossings sees what it should: the same nodes with the femur pushed 4 mm forward into them.
+    let muscles = one.knee.muscles.as_ref().unwrap();
+    let pushed: Vec<f64> =
+        one.run.frames[1].x.chunks(3).flat_map(|p| [p[0] - 4e-3, p[1], p[2]]).collect();
+    assert!(muscles.through_femur(&pushed) > 0);
+}
+
+/// Nothing stands out of the smooth femur: from every point of its level set the way out is free for 3 mm. Along the rim of the cartilage a slope
+/// that goes on where the femur turns away has two sides within a millimetre of each other.
+#[test]
+fn no_fin_stands_on_the_femur() {
+    let Some(subject) = subject() else { return };
+    let knee = subject.knee(ContactMode::Cheap).unwrap();
+    let surface = level(&knee.femur, 0.0, 1e-3);
+    let mut thin = 0.0;
+    for t in 0..surface.triangles.len() {
+        let middle = surface.corners(t).iter().sum::<Vector3<f64>>() / 3.0;
+        let inward = -surface.area_vector(t).normalize();
+        // 1.5 mm below the surface there is bone, and no way out on the other side.
+        let is_out = |depth: f64| knee.femur.at(&(middle + depth * inward)).is_some_and(|at| at.distance > 0.0);
+        if (1..=6).any(|k| is_out(0.25e-3 * f64::from(k))) {
+            thin += surface.area_vector(t).norm();
+        }
+    }
+    println!("{:.2} mm2 of the femur are thinner than 1.5 mm", 1e6 * thin);
+    assert!(1e6 * thin < 5.0, "{:.2} mm2", 1e6 * thin);
 }
 
 #[test]

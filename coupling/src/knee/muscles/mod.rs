@@ -150,6 +150,11 @@ impl Muscles {
         self.lying.term(&self.femur)
     }
 
+    /// Pairs of triangles of sides and of the femur that intersect (exact), away from what grows from bone, with the nodes at `x` \[m\], 3 per node.
+    pub fn through_femur(&self, x: &[f64]) -> usize {
+        self.lying.crossings(x, &self.triangles)
+    }
+
     /// Places that stay off the femur, and those beside attachments that take no notice of it.
     pub fn places(&self) -> [usize; 2] {
         [self.lying.n_places(), self.lying.left_out]

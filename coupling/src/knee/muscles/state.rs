@@ -43,7 +43,7 @@ impl MuscleState {
             below >= PERCENTILE * volume
         });
         let of_heads = intersections(plan, at).iter().map(|(_, n)| n).sum();
-        let of_femur = muscles.lying.crossings(at.x, &muscles.triangles);
+        let of_femur = muscles.through_femur(at.x);
         MuscleState {
             stress: [percentile, stresses.last()].map(|s| s.map_or(0.0, |s| s[0])),
             least_volume,
