@@ -124,7 +124,11 @@ fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
     assert!(bits(&one) == bits(&two), "on one and on two threads");
     for f in &one.frames {
         let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-        assert!(norm(f.residual.force) < LEFT[0] && 1e3 * norm(f.residual.moment) < LEFT[1], "{:?}", f.residual);
+        assert!(
+            norm(f.residual.force) < LEFT[0] && 1e3 * norm(f.residual.moment) < LEFT[1],
+            "{:?}",
+            f.residual
+        );
         let muscles = f.muscles.unwrap();
         assert_eq!(muscles.crossings, [0, 0]);
         assert!(muscles.least_volume > 0.5 && muscles.stress[1] > muscles.stress[0], "{muscles:?}");
@@ -134,8 +138,7 @@ fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
     assert!(one.frames[1].muscles.unwrap().stress[0] > one.frames[0].muscles.unwrap().stress[0]);
     // The test of crossings sees what it should: the same nodes with the femur pushed 4 mm forward into them.
     let muscles = one.knee.muscles.as_ref().unwrap();
-    let pushed: Vec<f64> =
-        one.run.frames[1].x.chunks(3).flat_map(|p| [p[0] - 4e-3, p[1], p[2]]).collect();
+    let pushed: Vec<f64> = one.run.frames[1].x.chunks(3).flat_map(|p| [p[0] - 4e-3, p[1], p[2]]).collect();
     assert!(muscles.through_femur(&pushed) > 0);
 }
 
@@ -151,7 +154,8 @@ fn no_fin_stands_on_the_femur() {
         let middle = surface.corners(t).iter().sum::<Vector3<f64>>() / 3.0;
         let inward = -surface.area_vector(t).normalize();
         // 1.5 mm below the surface there is bone, and no way out on the other side.
-        let is_out = |depth: f64| knee.femur.at(&(middle + depth * inward)).is_some_and(|at| at.distance > 0.0);
+        let is_out =
+            |depth: f64| knee.femur.at(&(middle + depth * inward)).is_some_and(|at| at.distance > 0.0);
         if (1..=6).any(|k| is_out(0.25e-3 * f64::from(k))) {
             thin += surface.area_vector(t).norm();
         }

@@ -89,7 +89,8 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     let path = folder.path().to_path_buf();
     progress.lap("knee");
     let settings = Settings::default();
-    let (poses, rows) = (scene.poses(meant.first), scene.measured.iter().map(|row| row[0]).collect::<Vec<_>>());
+    let (poses, rows) =
+        (scene.poses(meant.first), scene.measured.iter().map(|row| row[0]).collect::<Vec<_>>());
     let deep = flex(knee, &poses, forces[0], &settings);
     progress.lap("bend");
     // A knee is bent once: its strings remember the way that they went.

@@ -113,7 +113,8 @@ pub fn page(results: &Results) -> String {
 fn muscles(bent: &Bent, n_cells: usize) -> String {
     let all = || bent.frames.iter().filter_map(|f| Some((f.tibia.flexion, f.muscles?)));
     let stress = |which: usize| all().map(|(at, m)| [at, 1e-3 * m.stress[which]]).collect();
-    let curves = [("95 % of the volume is below", "c1", false, stress(0)), ("greatest", "c2", false, stress(1))];
+    let curves =
+        [("95 % of the volume is below", "c1", false, stress(0)), ("greatest", "c2", false, stress(1))];
     let volume = all().map(|(at, m)| [at, m.least_volume]).collect();
     let figures = [
         figure(("Principal stress in rectus femoris", "kPa"), &curves),
