@@ -142,8 +142,10 @@ mod tests {
             })
         };
         let points: Vec<[f64; 3]> = (0..20).flat_map(|k| ring(0.105 + 0.01 * f64::from(k))).collect();
-        let Shaft { middle, direction } = Shaft::of(&points, [0.1, 0.3]);
-        assert!((direction - Vector3::new(0.1, 1.0, -0.2).normalize()).norm() < 1e-12, "{direction}");
-        assert!((middle - 0.15 * Vector3::new(0.1, 1.0, -0.2)).xz().norm() < 1e-2, "{middle}");
+        let shaft = Shaft::of(&points, [0.1, 0.3]);
+        let direction = Vector3::new(0.1, 1.0, -0.2).normalize();
+        assert!((shaft.direction - direction).norm() < 1e-12, "{shaft:?}");
+        let (at, aside) = (shaft.middle + 0.3 * direction, direction.cross(&Vector3::x()));
+        assert!((shaft.nearest(&(at + aside)) - at).norm() < 1e-12);
     }
 }
