@@ -49,10 +49,10 @@ const TURN: f64 = 20.0;
 const SHIFT: f64 = 0.5;
 /// Length \[m\] over which ends are moved: what of the bellies is below the middle of the thigh.
 const BENT: f64 = 0.15;
-/// A station this much nearer \[m\] to the cut than a section is long makes way for it.
+/// A station nearer to the cut than this \[m\] makes way for it; stations are 10 to 25 mm apart.
 const LEAST_INTERVAL: f64 = 4e-3;
-/// How far \[m\] the mesh stays off the femur: from where contact begins, and as much again as places on faces may be nearer than nodes.
-pub(super) const OFF: f64 = 0.4e-3;
+/// How far \[m\] the mesh stays off the femur: 0.1 mm more than where contact begins, so that it starts free of forces.
+const OFF: f64 = 0.4e-3;
 /// Spacing \[m\] of the femur that is meshed around: its nodes lie some 0.03 mm off the smooth one over a condyle.
 const FEMUR_SPACING: f64 = 2e-3;
 /// A side grows from bone that is nearer than this \[m\]: 3.5 mm as in the thigh, and the 1.4 mm by which the femur of the knee is sunk.

@@ -17,7 +17,7 @@ use super::MuscleError;
 /// corner of the rim of the cartilage.
 const SPACING: f64 = 2e-3;
 /// Distance \[m\] at which muscles and femur repel each other, less where a place starts nearer; that of contact everywhere.
-pub(super) const DISTANCE: f64 = 0.3e-3;
+const DISTANCE: f64 = 0.3e-3;
 /// A place that starts nearer than this \[m\] beside what grows from bone takes no notice of it.
 const LEAST: f64 = 0.02e-3;
 /// Of the distance at which it starts a place has this part as its own: it starts free of forces.

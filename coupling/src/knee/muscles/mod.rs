@@ -22,7 +22,7 @@ pub use state::MuscleState;
 
 /// Tendon of the quadriceps: Young's modulus \[Pa\] and Poisson's ratio of the study of the deep knee.
 const TENDON: [f64; 2] = [30e6, 0.46];
-/// Least depth \[m\] of overlaps of heads that is mended, as in the thigh.
+/// Depth \[m\] up to which overlaps of heads are parted, as in the thigh.
 const REPAIR: f64 = 2e-3;
 
 /// How fine the heads are.
