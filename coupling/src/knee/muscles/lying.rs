@@ -144,6 +144,7 @@ pub(super) fn places(corners: &[Vector3<f64>; 4]) -> Vec<([f64; 4], f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fem::effect::State;
 
     #[test]
     fn places_of_a_face_are_close_and_have_its_area_and_its_middle() {
@@ -166,5 +167,44 @@ mod tests {
                 assert!(nearest < SPACING, "{p}: {nearest}");
             }
         }
+    }
+
+    #[test]
+    fn what_is_between_the_nodes_of_a_face_is_kept_off_and_what_is_held_is_left_alone() {
+        // A ball of 20 mm, and faces of 12 mm with the ball below different parts of them.
+        let side = Vector3::repeat(0.04);
+        let ball = Arc::new(DistanceField::new(-side, side, 1e-3, |p| p.norm() - 0.02));
+        let face = |x: f64, y: f64, up: f64| -> Vec<[f64; 3]> {
+            let [a, b] = [[x, y], [x + 0.012, y + 0.012]];
+            [[a[0], a[1]], [b[0], a[1]], [b[0], b[1]], [a[0], b[1]]].map(|[x, y]| [x, y, 0.02 + up]).to_vec()
+        };
+        let free = |_: u32| false;
+        let lying = |points: &[[f64; 3]], is_held: &dyn Fn(u32) -> bool| {
+            let mut lying = Lying::default();
+            lying.add("m", &[[0, 1, 2, 3]], points, is_held, (&ball, 1e5)).map(|()| lying)
+        };
+        let energy = |lying: &Lying, points: &[[f64; 3]]| {
+            let term = lying.term(&ball);
+            let effect = (term.build)("t", points, &term.nodes, &[0]).unwrap();
+            effect.energy(&State { x: points.as_flattened(), controls: &[] })
+        };
+        let start = lying(&face(-0.006, -0.006, 1e-3), &free).unwrap();
+        assert_eq!(energy(&start, &face(-0.006, -0.006, 1e-3)), 0.0);
+        // From the top of the ball under the middle of the face to the top under places near its sides and corners: all nodes are outside.
+        for (x, y) in
+            [(-0.006, -0.006), (-0.002, -0.006), (-0.0105, -0.004), (-0.003, -0.010), (-0.0015, -0.0105)]
+        {
+            let near = energy(&start, &face(x, y, 0.2e-3));
+            assert!(near.is_finite() && near > 0.0, "{x} {y}: {near}");
+            let through = energy(&start, &face(x, y, -0.2e-3));
+            assert!(through.is_infinite(), "{x} {y}: {through}");
+        }
+        // What starts in the bone is refused, beside what is held left out; a place that starts near has a distance of its own.
+        let deep = face(-0.006, -0.006, -0.1e-3);
+        assert!(matches!(lying(&deep, &free), Err(MuscleError::InBone { .. })));
+        assert!(lying(&deep, &|n| n == 0).unwrap().left_out > 0);
+        let near = face(-0.006, -0.006, 0.1e-3);
+        assert_eq!(energy(&lying(&near, &free).unwrap(), &near), 0.0);
+        assert_eq!(lying(&deep, &|_| true).unwrap().n_places(), 0);
     }
 }
