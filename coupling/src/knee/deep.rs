@@ -20,9 +20,10 @@ const PATH: &str = "tibia_path_deep.csv";
 const MEASURED: &str = "dynamic_mri_knee.csv";
 /// Row of the measured poses that is the reference pose: the one nearest to extension that is a mean of more than two frames.
 const REFERENCE: usize = 1;
-/// Flexion from frame to frame, and at the end \[degrees\].
+/// Flexion from frame to frame \[degrees\].
 const STRIDE: f64 = 2.5;
-const DEEPEST: f64 = 137.5;
+/// Flexion at the end \[degrees\].
+pub const DEEPEST: f64 = 137.5;
 /// Depth \[m\] to which cartilages of tibia and femur may overlap: both are 4.2 mm thick together, and bones may go a millimetre into each other.
 const DEPTH: f64 = 5.2e-3;
 

@@ -143,11 +143,28 @@ type Course = (Vec<FlexionFrame>, Drive, Run, Option<Stopped>);
 
 /// Takes the tibia through some poses under a constant force of the quadriceps \[N\].
 pub fn flex(knee: RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Bent {
-    let (frames, drive, run, stopped) = course(&knee, poses, quadriceps, settings);
+    flex_told(knee, poses, quadriceps, settings, &mut |_| {})
+}
+
+/// The same; `tell` is told every frame as soon as it is solved.
+pub fn flex_told(
+    knee: RigidKnee,
+    poses: &[Coordinates],
+    quadriceps: f64,
+    settings: &Settings,
+    tell: &mut dyn FnMut(&FlexionFrame),
+) -> Bent {
+    let (frames, drive, run, stopped) = course(&knee, poses, quadriceps, settings, tell);
     Bent { knee, frames, drive, run, stopped }
 }
 
-fn course(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Course {
+fn course(
+    knee: &RigidKnee,
+    poses: &[Coordinates],
+    quadriceps: f64,
+    settings: &Settings,
+    tell: &mut dyn FnMut(&FlexionFrame),
+) -> Course {
     let (mut frames, mut run, mut drive) = (Vec::new(), Run::default(), Drive::default());
     let mut session = match Session::new(&knee.plan, settings, None) {
         Ok(session) => session,
@@ -190,6 +207,7 @@ fn course(knee: &RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &S
         if frame.patella.place[2].abs() > OUT {
             return (frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
         }
+        tell(&frame);
         frames.push(frame);
     }
     (frames, drive, run, None)

@@ -10,8 +10,8 @@ use crate::output::atomic::OutputFolder;
 use crate::output::deep_flexion::{Results, write_deep_flexion};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
-use coupling::knee::deep::{DeepFlexion, deviations};
-use coupling::knee::flexion::{Bent, flex};
+use coupling::knee::deep::{DEEPEST, DeepFlexion, deviations};
+use coupling::knee::flexion::{Bent, FlexionFrame, flex, flex_told};
 use coupling::knee::muscles::Resolution;
 use coupling::knee::rigid::Quadriceps;
 use fem::scene::ContactMode;
@@ -91,7 +91,14 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     let settings = Settings::default();
     let (poses, rows) =
         (scene.poses(meant.first), scene.measured.iter().map(|row| row[0]).collect::<Vec<_>>());
-    let deep = flex(knee, &poses, forces[0], &settings);
+    // What takes minutes says how far it is.
+    let mut said = |f: &FlexionFrame| match meant.quadriceps {
+        Pull::Tissue(_) if !quiet => progress.pause(|| {
+            coupling::say!("  {:.1} of {:.1} degrees, {} iterations", f.tibia.flexion, DEEPEST, f.iterations)
+        }),
+        _ => {}
+    };
+    let deep = flex_told(knee, &poses, forces[0], &settings, &mut said);
     progress.lap("bend");
     // A knee is bent once: its strings remember the way that they went.
     let again = match meant.quadriceps {
