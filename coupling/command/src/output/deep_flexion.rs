@@ -39,7 +39,7 @@ pub fn write_deep_flexion(
     out.write("patella.csv", |w| patella(w, results.deep))?;
     out.write("measured.csv", |w| measured(w, results))?;
     if let Some(tissue) = &results.deep.knee.muscles {
-        out.write("muscles.csv", |w| muscles(w, results.deep))?;
+        out.write("quadriceps.csv", |w| muscles(w, results.deep))?;
         let plan = &results.deep.knee.plan;
         record.size = Some(Size {
             elements: tissue.n_cells,
