@@ -13,9 +13,9 @@ use nalgebra::Vector3;
 
 use super::MuscleError;
 
-/// Places are at most so far apart \[m\]: between them a face sinks into a condyle of 20 mm by 0.03 mm. With 3 mm a face of 12 mm crossed the
-/// corner of the rim of the cartilage.
-const SPACING: f64 = 2e-3;
+/// Places are at most so far apart \[m\] in the mesh. Muscles are drawn out to 2.3 times their length on the way; with 2 mm faces crossed the corner
+/// of the rim of the cartilage in the last two frames at cells of 4 mm, with 1 mm none does, at 4 and at 10 mm.
+const SPACING: f64 = 1e-3;
 /// Distance \[m\] at which muscles and femur repel each other, less where a place starts nearer; that of contact everywhere.
 const DISTANCE: f64 = 0.3e-3;
 /// A place that starts nearer than this \[m\] beside what grows from bone takes no notice of it.
