@@ -6,6 +6,7 @@ use super::page::{document, grid, section, table};
 use super::svg::{Ticks, escape, fixed, px};
 use crate::output::deep_flexion::Results;
 use coupling::knee::flexion::Bent;
+use coupling::knee::muscles::Muscles;
 
 /// Size of a figure, and the margins of its frame.
 const SIZE: [f64; 2] = [340.0, 220.0];
@@ -89,7 +90,7 @@ pub fn page(results: &Results) -> String {
     }
     body.push_str(&section("Contact of the cartilage", "", &grid("normal", &loads)));
     if let Some(tissue) = &results.deep.knee.muscles {
-        body.push_str(&muscles(results.deep, tissue.n_cells));
+        body.push_str(&muscles(results.deep, tissue));
     }
     let rows: Vec<Vec<String>> = (results.deep.knee.strands.iter().enumerate())
         .map(|(i, name)| {
@@ -110,7 +111,7 @@ pub fn page(results: &Results) -> String {
 }
 
 /// The quadriceps as tissue.
-fn muscles(bent: &Bent, n_cells: usize) -> String {
+fn muscles(bent: &Bent, tissue: &Muscles) -> String {
     let all = || bent.frames.iter().filter_map(|f| Some((f.tibia.flexion, f.muscles?)));
     let stress = |which: usize| all().map(|(at, m)| [at, 1e-3 * m.stress[which]]).collect();
     let curves =
@@ -120,9 +121,11 @@ fn muscles(bent: &Bent, n_cells: usize) -> String {
         figure(("Principal stress in rectus femoris", "kPa"), &curves),
         figure(("Least volume of a cell over that at rest", ""), &[("all heads", "c1", false, volume)]),
     ];
+    let [places, left_out] = tissue.places();
     let crossed = |which: usize| all().map(|(_, m)| m.crossings[which]).sum::<usize>();
     let lead = format!(
-        "{n_cells} hexahedra. Over all frames {} pairs of triangles of two heads intersect, and {} of a head and the femur (an exact test that contact has no part in).",
+        "{} hexahedra, {places} places on their sides that stay off the femur and {left_out} beside attachments that do not. Over all frames {} pairs of triangles of two heads intersect, and {} of a head and the femur (an exact test that contact has no part in).",
+        tissue.n_cells,
         crossed(0),
         crossed(1)
     );
