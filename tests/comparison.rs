@@ -18,6 +18,7 @@ use fem::scene::{ContactMode, LawSpec};
 use nalgebra::Vector3;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
+use support::results::files_without_times;
 use support::{sartorius, shared};
 
 fn text(bytes: &[u8]) -> String {
@@ -453,6 +454,43 @@ fn calibrations_are_kept_and_change_no_byte() {
                 assert!(shown.contains("shells of 0.5 mm, shear modulus 30 kPa"), "{file}");
             }
         }
+    }
+}
+
+#[test]
+fn a_coarser_mesh_shows_the_way_and_the_forces_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 9.0\n";
+    fs::write(folder.path().join("plain.toml"), scene).unwrap();
+    fs::write(folder.path().join("nested.toml"), format!("{scene}[solver]\nnested_from_mm = 18.0\n"))
+        .unwrap();
+    let run = |scene: &str, threads: &str, out: &str| {
+        let output = sartorius(&["compare", scene, "--out", out, "--threads", threads], folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    run("plain.toml", "2", "plain");
+    let said = run("nested.toml", "2", "nested");
+    for stage in ["without contact, 18 mm", "with contact, 18 mm"] {
+        assert!(said.lines().any(|line| line.starts_with(stage)), "{said}");
+    }
+    run("nested.toml", "1", "single");
+    let (two, one) = (
+        files_without_times(&folder.path().join("nested")),
+        files_without_times(&folder.path().join("single")),
+    );
+    assert!(two == one, "threads change the run");
+    assert!(two.keys().any(|name| name.starts_with("from_18_mm/contact/")), "{:?}", two.keys());
+    let forces = |out: &str| -> Vec<(String, f64)> {
+        let table = fs::read_to_string(folder.path().join(out).join("quantities.csv")).unwrap();
+        let rows = table.lines().filter(|row| row.contains(",section_force_N,"));
+        rows.map(|row| row.rsplit_once(',').unwrap()).map(|(of, f)| (of.into(), f.parse().unwrap())).collect()
+    };
+    let (plain, nested) = (forces("plain"), forces("nested"));
+    assert!(!plain.is_empty() && plain.len() == nested.len());
+    for ((of, a), (_, b)) in plain.iter().zip(&nested) {
+        // What a residual of 10 N leaves open, with contact.
+        assert!((a - b).abs() < 0.02 * a.abs() + 1.0, "{of}: {a} N, {b} N led");
     }
 }
 

@@ -316,8 +316,18 @@ fn a_resumed_flight_has_the_same_bits() {
     let whole = |frames: usize, resume: bool, folder: &std::path::Path| {
         let drive = Drive { frames: drive.frames[..frames].to_vec() };
         let restart = Restart { key: "a key", resume };
-        run_restartable(&plan, &drive, &settings, folder, "flight", &Beside::default(), restart, &mut |_| {})
-            .expect("files are written")
+        run_restartable(
+            &plan,
+            &drive,
+            &settings,
+            folder,
+            "flight",
+            &Beside::default(),
+            restart,
+            None,
+            &mut |_| {},
+        )
+        .expect("files are written")
     };
     let (a, b) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
     let uninterrupted = whole(8, false, a.path());

@@ -18,6 +18,7 @@ mod fem_benchmarks;
 mod free_bodies;
 mod inertia;
 mod invariance;
+mod nested;
 mod own_terms;
 mod patch;
 mod pressure;

@@ -17,6 +17,7 @@ pub mod geometry;
 pub mod material;
 pub mod measure;
 pub mod mesh;
+pub mod nested;
 pub mod output;
 pub mod parts;
 pub mod plan;

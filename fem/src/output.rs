@@ -13,6 +13,7 @@
 
 use crate::mesh::MeshError;
 use crate::mesh::format::{pvd::PvdWriter, write_whole};
+use crate::nested::CoarseRun;
 use crate::parts::{Beside, PARTS, parts};
 use crate::plan::Plan;
 use crate::run::{Advanced, Drive, Frame, Run, Session, Step, run_steps};
@@ -80,7 +81,7 @@ pub struct Restart<'a> {
 }
 
 /// [`run_to_files`] that stores the state after every frame and takes over those of a killed run, if asked to. The result is the same to
-/// the last bit, as every frame has new solvers. The states stay when the run is over ([`crate::restart::remove_states`]).
+/// the last bit, as every frame has new solvers. `led`: a run on a coarser mesh that shows the way. The states stay when the run is over ([`crate::restart::remove_states`]).
 pub fn run_restartable(
     plan: &Plan,
     drive: &Drive,
@@ -89,6 +90,7 @@ pub fn run_restartable(
     name: &str,
     beside: &Beside,
     restart: Restart,
+    led: Option<&CoarseRun>,
     on_frame: &mut dyn FnMut(&Frame),
 ) -> Result<Run, OutputError> {
     let mut files = RunFiles::create(folder, name, beside.clone())?;
@@ -105,12 +107,14 @@ pub fn run_restartable(
         let done = match stored {
             Some(done) => done,
             None => {
-                let session = match run.frames.last() {
+                let last = run.frames.last();
+                let session = match last {
                     None => Session::new(plan, settings, None),
                     Some(frame) => Session::from_frame(plan, settings, frame, k - 1),
                 };
+                let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, last, k, &to.load));
                 match session {
-                    Ok(mut session) => session.advance(to),
+                    Ok(mut session) => session.advance_along(to, &way),
                     Err(error) => {
                         run.errors = vec![error];
                         break;

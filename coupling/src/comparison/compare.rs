@@ -10,6 +10,7 @@ use fem::contact::Mode;
 use fem::effect::EffectKind;
 use fem::geometry::{SearchSurface, Surface};
 use fem::measure::{PairForce, collision_surfaces, pair_forces};
+use fem::nested::CoarseRun;
 use fem::output::{Restart, run_restartable};
 use fem::parts::{Beside, MovingBone};
 use fem::plan::{Load, Plan, SceneError};
@@ -213,7 +214,8 @@ pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
 }
 
 /// Carries one configuration through the steps; its frames are written to `folder` as they come, and `on_frame` is called after each.
-/// `restart`: under which key states are kept, and whether those of a killed run are taken over.
+/// `restart`: under which key states are kept, and whether those of a killed run are taken over; `coarse`: the solution
+/// on a coarser mesh, which shows the way.
 pub fn solution(
     plan: Plan,
     thigh: &Thigh,
@@ -223,10 +225,13 @@ pub fn solution(
     folder: &Path,
     beside: &Beside,
     restart: Restart,
+    coarse: Option<&Solution>,
     on_frame: &mut dyn FnMut(&Frame),
 ) -> Result<Solution, CompareError> {
     let clock = Instant::now();
-    let run = run_restartable(&plan, drive, settings, folder, "thigh", beside, restart, on_frame)?;
+    let led = coarse.map(|coarse| CoarseRun::new(&coarse.plan, &coarse.run.frames, &plan));
+    let run =
+        run_restartable(&plan, drive, settings, folder, "thigh", beside, restart, led.as_ref(), on_frame)?;
     Ok(measured(plan, thigh, run, steps, drive.frames.len() - steps.len(), clock.elapsed()))
 }
 

@@ -10,6 +10,7 @@ pub mod speed;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use fem::mesh::Mesh;
@@ -25,6 +26,7 @@ use crate::error::CouplingError;
 use crate::fibres::cache::{Cache, content_hash};
 use crate::fibres::muscle_unit::{Fit, MOST_ACTIVE};
 use crate::fibres::{Calibration, DrivenFibres, FibreCalibration, FibreTask};
+use crate::number::short;
 use crate::optimize::{OptimizeOptions, Optimized, optimize};
 use crate::scene::{Fibres, Scene};
 use crate::steps::{RigidStep, rigid_step};
@@ -67,12 +69,17 @@ pub const STAGES: [&str; 5] = [
     Configuration::WithContact.name(),
 ];
 
+/// Name of the stage that solves a configuration on a [coarser mesh](Scene::coarser) with edges of this length \[m\].
+pub fn coarse_stage(configuration: Configuration, edge: f64) -> String {
+    format!("{}, {} mm", configuration.name(), short(1e3 * edge))
+}
+
 /// A scene with everything but the solution.
 pub struct Prepared {
     /// The scene.
     pub scene: Scene,
     /// The rigid leg.
-    pub done: Optimized,
+    pub done: Arc<Optimized>,
     /// Where the bones of the mesh are.
     pub registration: Registration,
     /// What the rigid leg says of the steps.
@@ -83,6 +90,8 @@ pub struct Prepared {
     pub thigh: Thigh,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
+    /// Muscles and bones before they were meshed, for other meshes; only where those are asked for.
+    limb: Option<Limb>,
     /// Per step the isometric activation of every muscle, as the controller of the scene says.
     controlled: Option<Vec<Vec<f64>>>,
 }
@@ -131,7 +140,7 @@ pub struct OneWay {
 pub struct Sized {
     /// The scene.
     pub scene: Scene,
-    pub(crate) done: Optimized,
+    pub(crate) done: Arc<Optimized>,
     pub(crate) registration: Registration,
     pub(crate) steps: Vec<RigidStep>,
     /// Muscles and bones in the size of the subject; `None` for the rigid leg alone.
@@ -185,7 +194,7 @@ impl Sized {
                 Some(limb)
             }
         };
-        Ok(Sized { scene, done, registration, steps, limb, inputs })
+        Ok(Sized { scene, done: Arc::new(done), registration, steps, limb, inputs })
     }
 
     /// Files that were read.
@@ -236,6 +245,7 @@ impl Prepared {
     /// Meshes the thigh. `lap` is called as that ends.
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CouplingError> {
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
+        let kept = limb.as_ref().filter(|_| !scene.coarser().is_empty()).cloned();
         let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.inset, &scene.muscles, effects(&scene)))
             .transpose()?;
@@ -245,7 +255,7 @@ impl Prepared {
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
-        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs, controlled: None })
+        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs, limb: kept, controlled: None })
     }
 
     /// Takes over what the [controller](Scene::controller) of the scene says: per step the isometric activation of every muscle of the thigh.
@@ -380,22 +390,77 @@ impl Prepared {
             solutions: PerConfiguration::default(),
             one_way: None,
         };
-        let (thigh, steps) = (&comparison.thigh, &self.steps);
         let PerConfiguration { without, with } = plans;
         for (c, plan) in Configuration::ALL.into_iter().zip([without, with]) {
             let Some(plan) = plan else { continue };
-            let way = drive(&plan, thigh, &comparison.controls, steps, self.scene.stress_free)?;
-            let settings = settings_of(&self.scene, c);
-            let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings);
-            let restart = Restart { key: &key, resume };
-            let folder = folder.join(c.folder());
-            let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
-            let beside = beside(&way, steps, self.scene.stress_free, bones);
-            let done = solution(plan, thigh, &way, steps, &settings, &folder, &beside, restart, &mut |_| ())?;
+            let coarse = self.coarser(c, folder, resume, lap)?;
+            let (thigh, controls) = (&comparison.thigh, &comparison.controls);
+            let done = self.carried_through(c, plan, thigh, controls, coarse.as_ref(), folder, resume)?;
             lap(c.name());
             comparison.solutions[c] = Some(done);
         }
         Ok(comparison)
+    }
+
+    /// Solves the steps in one configuration; its frames go to its folder in `folder`. `coarse`: a solution on a coarser mesh, which shows the
+    /// way.
+    fn carried_through(
+        &self,
+        configuration: Configuration,
+        plan: Plan,
+        thigh: &Thigh,
+        controls: &[Vec<f64>],
+        coarse: Option<&Solution>,
+        folder: &Path,
+        resume: bool,
+    ) -> Result<Solution, CouplingError> {
+        let stress_free = self.scene.stress_free;
+        let way = drive(&plan, thigh, controls, &self.steps, stress_free)?;
+        let settings = settings_of(&self.scene, configuration);
+        let scene = self.configured(thigh, configuration).scene;
+        let key = run_key(&scene, &plan, &way, &settings, &self.scene.coarser());
+        let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+        let beside = beside(&way, &self.steps, stress_free, bones);
+        let folder = folder.join(configuration.folder());
+        let restart = Restart { key: &key, resume };
+        let on_frame = &mut |_: &Frame| ();
+        Ok(solution(plan, thigh, &way, &self.steps, &settings, &folder, &beside, restart, coarse, on_frame)?)
+    }
+
+    /// The steps on the last of the [coarser meshes](Scene::coarser), each of which was led by the one before; `None` where none is asked for.
+    /// Frames go to folders in `folder` that say the edge. `lap` is called as each ends.
+    fn coarser(
+        &self,
+        configuration: Configuration,
+        folder: &Path,
+        resume: bool,
+        lap: &mut dyn FnMut(&str),
+    ) -> Result<Option<Solution>, CouplingError> {
+        let mut last: Option<Solution> = None;
+        for edge in self.scene.coarser() {
+            let scene = Scene { resolution: edge, ..self.scene.clone() };
+            let (done, registration) = (self.done.clone(), self.registration.clone());
+            let (steps, limb, inputs) = (self.steps.clone(), self.limb.clone(), Vec::new());
+            let sized = Sized { scene, done, registration, steps, limb, inputs };
+            let mut coarse = Prepared::of(sized, &mut |_| ())?;
+            coarse.controlled.clone_from(&self.controlled);
+            let asked = PerConfiguration::of(|c| c == configuration);
+            let Ready { thigh, controls, mut plans, .. } = coarse.calibrate(asked, folder, &mut |_| ())?;
+            let plan = plans[configuration].take().expect("asked for");
+            let folder = folder.join(format!("from_{}_mm", short(1e3 * edge)));
+            let solution = coarse.carried_through(
+                configuration,
+                plan,
+                &thigh,
+                &controls,
+                last.as_ref(),
+                &folder,
+                resume,
+            )?;
+            lap(&coarse_stage(configuration, edge));
+            last = Some(solution);
+        }
+        Ok(last)
     }
 
     /// Two-way coupling from the one-way result in a configuration, `most` passes at most. Needs Hill fibres and all steps solved.
@@ -559,8 +624,14 @@ pub fn settings_of(scene: &Scene, configuration: Configuration) -> Settings {
 }
 
 /// Hash of all that a run depends on: mesh, effects, loads, settings, and the program itself.
-fn run_key(scene: &fem::scene::Scene, plan: &Plan, drive: &Drive, settings: &Settings) -> String {
-    content_hash(&plan.mesh, &format!("{scene:?}{drive:?}{settings:?}"))
+fn run_key(
+    scene: &fem::scene::Scene,
+    plan: &Plan,
+    drive: &Drive,
+    settings: &Settings,
+    coarser: &[f64],
+) -> String {
+    content_hash(&plan.mesh, &format!("{scene:?}{drive:?}{settings:?}{coarser:?}"))
 }
 
 /// The muscles of the rigid leg that the thigh would have, without mesh.

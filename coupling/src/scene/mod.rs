@@ -197,6 +197,8 @@ pub struct Scene {
     pub method: Method,
     /// Time steps that a step may take per body where there are no matrices.
     pub max_steps: usize,
+    /// Edge \[m\] up to which coarser meshes are solved first; see [`Scene::coarser`].
+    pub nested_from: Option<f64>,
     /// Where the mesh is free of stress.
     pub stress_free: StressFree,
     /// Fibres.
@@ -264,6 +266,7 @@ struct AccuracyEntry {
 struct SolverEntry {
     method: Option<Spanned<Method>>,
     max_steps: Option<usize>,
+    nested_from_mm: Option<f64>,
 }
 
 #[derive(Default, Deserialize)]
@@ -301,6 +304,17 @@ impl Scene {
     pub fn read(given: &Path, data: Option<&Path>) -> Result<Scene, InputError> {
         let (file, text) = source(given)?;
         Scene::parse(&file, &text, data)
+    }
+
+    /// Edges \[m\] of the coarser meshes that are solved first, from coarse to fine: 2, 4, ... times that of the scene, up to
+    /// [`nested_from`](Scene::nested_from). One further up would be of a few cells.
+    pub fn coarser(&self) -> Vec<f64> {
+        let most = self.nested_from.unwrap_or(0.0) * (1.0 + 1e-9);
+        let mut edges: Vec<f64> = std::iter::successors(Some(2.0 * self.resolution), |edge| Some(2.0 * edge))
+            .take_while(|edge| *edge <= most)
+            .collect();
+        edges.reverse();
+        edges
     }
 
     /// Reads the text of a scene; every mistake is named. `file` tells the folder and is named in errors.
@@ -392,6 +406,7 @@ impl SceneFile {
             check_calibration: accuracy.check_calibration.unwrap_or(false),
             method: self.solver.method.as_ref().map_or(Method::Newton, |m| *m.get_ref()),
             max_steps: self.solver.max_steps.unwrap_or(Settings::default().max_steps),
+            nested_from: self.solver.nested_from_mm.map(|mm| mm * 1e-3),
             stress_free,
             fibres,
             fibre_spacing: self.effects.fibre_spacing.unwrap_or(1),

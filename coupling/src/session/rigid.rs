@@ -27,7 +27,7 @@ use crate::two_way::{nominal_capacity, sharing_problem};
 
 /// A rigid leg that can be asked: all that never changes.
 pub struct RigidSide {
-    done: Optimized,
+    done: Arc<Optimized>,
     registration: Registration,
     fibres: Fibres,
     muscles: Vec<String>,

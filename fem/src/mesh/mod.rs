@@ -7,11 +7,13 @@ mod check;
 mod error;
 pub mod format;
 pub mod generate;
+mod prolongation;
 pub mod quality;
 mod topology;
 
 pub use error::{MeshError, Place};
 pub use format::LengthUnit;
+pub use prolongation::Prolongation;
 pub use topology::{edge_counts, unique_nodes};
 
 /// Shape of a cell. Node order follows VTK (which FEBio, Abaqus and Gmsh share for these linear cells;

@@ -30,6 +30,10 @@ pub struct LoadedIsland {
     anchor: Vec<f64>,
     /// What belongs to the island as a whole.
     terms: Vec<Box<dyn IslandTerm>>,
+    /// From where the predictor takes the free nodes in one go to where a guess has them at the end \[m\]; empty where there is no guess.
+    ahead: Vec<[f64; 3]>,
+    /// Fraction of the way of the present load.
+    now: f64,
 }
 
 impl LoadedIsland {
@@ -40,13 +44,38 @@ impl LoadedIsland {
         let load = start.clone();
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
         let terms = island.terms();
-        LoadedIsland { island, load, start, end, x, anchor, terms }
+        LoadedIsland { island, load, start, end, x, anchor, terms, ahead: Vec::new(), now: 0.0 }
     }
 
     /// The same with one more term.
     pub fn with(mut self, term: Box<dyn IslandTerm>) -> LoadedIsland {
         self.terms.push(term);
         self
+    }
+
+    /// The same with a guess of where the way leads: displacements \[m\] of the local nodes, `None` where nothing is known; `x` are the
+    /// positions \[m\] of the free nodes at the start.
+    pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
+        let mut moved = x.to_vec();
+        if let Some(predictor) = self.predictor() {
+            predictor.predict(&self.start, &self.end, &mut moved);
+        }
+        let places = x.as_chunks::<3>().0.iter().zip(moved.as_chunks::<3>().0);
+        let beyond = |(&n, (x, moved)): (&u32, (&[f64; 3], &[f64; 3]))| match way[n as usize] {
+            Some(way) => std::array::from_fn(|c| x[c] + way[c] - moved[c]),
+            None => [0.0; 3],
+        };
+        self.ahead = self.island.free_nodes.iter().zip(places).map(beyond).collect();
+        self
+    }
+
+    /// Positions \[m\] of all local nodes at the end, the free ones where what is prescribed takes them from `x` by itself.
+    pub fn carried(mut self, x: &[f64]) -> Vec<f64> {
+        let mut x = x.to_vec();
+        let n = self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.start, &self.end));
+        (1..=n).for_each(|k| self.predict(k as f64 / n as f64, &mut x));
+        self.set_load(1.0, &mut x);
+        self.expand(&x)
     }
 
     /// The island.
@@ -431,6 +460,7 @@ impl LoadedIsland {
 impl Loading for LoadedIsland {
     fn set_load(&mut self, t: f64, x: &mut [f64]) {
         self.load = self.load_at(t);
+        self.now = t;
         self.terms.iter_mut().for_each(|term| term.set_load(t));
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
@@ -461,10 +491,20 @@ impl Loading for LoadedIsland {
     fn n_pieces(&self, t: f64) -> usize {
         let may = self.terms.iter().all(|term| term.may_be_predicted());
         // Where a body answers to forces, the tangent to its path says where it goes, not who is near it.
-        match self.displaces(t) && may && self.island.bodies.is_empty() {
-            false => 0,
-            true => self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t))),
+        if !may || !self.island.bodies.is_empty() {
+            return 0;
         }
+        match (self.ahead.is_empty(), self.displaces(t)) {
+            (false, _) => 1,
+            (true, false) => 0,
+            (true, true) => {
+                self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t)))
+            }
+        }
+    }
+
+    fn forget_guess(&mut self) {
+        self.ahead.clear();
     }
 
     fn soften(&mut self, softness: f64) -> bool {
@@ -494,6 +534,9 @@ impl Loading for LoadedIsland {
         let to = self.load_at(t);
         if let Some(predictor) = self.predictor() {
             predictor.predict(&self.load, &to, x);
+        }
+        for (x, ahead) in x.as_chunks_mut::<3>().0.iter_mut().zip(&self.ahead) {
+            (0..3).for_each(|c| x[c] += (t - self.now) * ahead[c]);
         }
         self.set_load(t, x);
     }

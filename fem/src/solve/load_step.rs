@@ -10,7 +10,7 @@ use super::{Loading, NotConverged, Reason, Stability, Way};
 use std::time::Instant;
 
 /// While the load is carried over, least det F may fall to this fraction in one go.
-const DET_F_FRACTION: f64 = 0.1;
+pub(crate) const DET_F_FRACTION: f64 = 0.1;
 /// Shortest fraction of what is left of a load step that is carried over at once.
 const LEAST_PREDICTION: f64 = 1.0 / 256.0;
 /// Residual relative to the forces in play at which the rest of a load step that contact cut short is gone about.

@@ -29,6 +29,7 @@ pub use cholesky::{Cholesky, Indefinite};
 pub use galerkin::Galerkin;
 pub use islands::{Island, advance_islands};
 pub use linear::{LinearReport, LinearSolver};
+pub(crate) use load_step::DET_F_FRACTION;
 pub use log::{Iteration, IterationLog};
 pub use motion::{HEAVY, Motion};
 pub use outcome::{Advance, NotConverged, Reason, SolveError};

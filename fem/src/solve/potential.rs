@@ -129,6 +129,9 @@ pub trait Loading: Potential + Admissible {
         0
     }
 
+    /// What was guessed of the way led astray.
+    fn forget_guess(&mut self) {}
+
     /// Softens what keeps surfaces apart below the fraction `softness` of the distance at which it begins, so that they may penetrate each
     /// other on the way to a guess; 0: it is itself again. Returns whether it can.
     fn soften(&mut self, _softness: f64) -> bool {

@@ -279,6 +279,7 @@ impl Solver {
                 }
                 Err(mut failure) => {
                     run.report.retries += 1;
+                    potential.forget_guess();
                     if let Some(reason) = runs_away(&good, x) {
                         failure.reason = reason;
                     }

@@ -19,7 +19,7 @@ use crate::report::compare::CompareReport;
 use coupling::comparison::compare::MuscleForce;
 use coupling::comparison::estimate::{Expected, Work};
 use coupling::comparison::explain::{write_calibration, write_factors};
-use coupling::comparison::{Comparison, Prepared, STAGES, Sized};
+use coupling::comparison::{Comparison, Prepared, STAGES, Sized, coarse_stage};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::number::{plain, short};
 use coupling::scene::StressFree;
@@ -198,12 +198,21 @@ pub fn run(arguments: &CompareArguments, quiet: bool) -> Result<Outcome, Command
 const TWO_WAY: &str = "two-way";
 
 /// Stages of a run, in their order.
-fn stages(scene: &Scene, asked: PerConfiguration<bool>, two_way: bool) -> Vec<&'static str> {
+fn stages(scene: &Scene, asked: PerConfiguration<bool>, two_way: bool) -> Vec<String> {
     let fibres = scene.fibres != Fibres::None;
-    let solved = [true, fibres, asked.without, asked.with, two_way].map(|here| here && scene.deformable);
-    let names = STAGES.into_iter().skip(1).chain([TWO_WAY]);
-    let solved = names.zip(solved).filter_map(|(name, here)| here.then_some(name));
-    std::iter::once(STAGES[0]).chain(solved).chain(["write"]).collect()
+    let solved = |c: Configuration| {
+        let coarser = scene.coarser().into_iter().map(move |edge| coarse_stage(c, edge));
+        coarser.chain([c.name().to_string()])
+    };
+    let mut names = vec![STAGES[0].to_string()];
+    if scene.deformable {
+        names.push(STAGES[1].to_string());
+        names.extend(fibres.then(|| STAGES[2].to_string()));
+        names.extend(Configuration::ALL.into_iter().filter(|c| asked[*c]).flat_map(solved));
+        names.extend(two_way.then(|| TWO_WAY.to_string()));
+    }
+    names.push("write".to_string());
+    names
 }
 
 /// Carries out a scene for `command` and says what came of it. `two_way`: scheme and passes at most.

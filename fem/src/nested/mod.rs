@@ -1,0 +1,62 @@
+//! Nested iteration: a run on a fine mesh that is led by one on a coarse mesh of the same bodies (Hackbusch, Multi-Grid Methods and
+//! Applications, Springer 1985, ch. 5), with Newton's method on every mesh.
+//!
+//! What the coarse run displaces from frame to frame is carried over and added to where the fine run is. Prescribed nodes go where they
+//! must, which at the edge of a support is not where cells of the coarse mesh take them; cells that fold there are given shape again. The
+//! fine equilibrium is as exact as any: only the way to it is shorter. Where there are several it may be another one.
+
+mod patch;
+
+use crate::mesh::Prolongation;
+use crate::plan::{Load, LoadedIsland, Motion, Plan};
+use crate::run::Frame;
+
+/// A run on a coarse mesh that leads one on a fine mesh.
+pub struct CoarseRun<'a> {
+    plan: &'a Plan,
+    frames: &'a [Frame],
+    onto: Prolongation,
+}
+
+impl<'a> CoarseRun<'a> {
+    /// Solved `frames` of the coarse `plan`; those of the `fine` one are to be under the same loads.
+    pub fn new(plan: &'a Plan, frames: &'a [Frame], fine: &Plan) -> CoarseRun<'a> {
+        CoarseRun { plan, frames, onto: Prolongation::new(&plan.mesh, &fine.mesh) }
+    }
+
+    /// A guess of the way to a frame of the fine run from the one before, or from the mesh: displacements \[m\] of all nodes, `None`
+    /// where nothing is known. `to`: the load there. Empty where the coarse run did not come so far.
+    pub fn way(&self, fine: &Plan, before: Option<&Frame>, frame: usize, to: &Load) -> Vec<Option<[f64; 3]>> {
+        let Some(reached) = self.frames.get(frame) else { return Vec::new() };
+        let started =
+            frame.checked_sub(1).map_or_else(|| self.plan.reference(), |f| self.frames[f].x.clone());
+        let moved: Vec<f64> = reached.x.iter().zip(&started).map(|(to, from)| to - from).collect();
+        let mut way = self.onto.vectors(&moved);
+        let start = before.map_or_else(|| fine.reference(), |frame| frame.x.clone());
+        let from = before.map_or_else(|| fine.load(&[], &[]).expect("nothing is named"), |f| f.load.clone());
+        let calm = carried(fine, &start, &from, to);
+        let is_free: Vec<bool> = fine.motion.iter().map(|m| *m == [Motion::Free; 3]).collect();
+        let mut x = calm.clone();
+        let led =
+            way.iter().enumerate().filter_map(|(n, way)| way.filter(|_| is_free[n]).map(|way| (n, way)));
+        led.for_each(|(n, way)| (0..3).for_each(|c| x[3 * n + c] = start[3 * n + c] + way[c]));
+        patch::unfold(&fine.mesh, &start, &calm, &is_free, &mut x);
+        for (n, way) in way.iter_mut().enumerate() {
+            *way = way.map(|_| std::array::from_fn(|c| x[3 * n + c] - start[3 * n + c]));
+        }
+        way
+    }
+}
+
+/// Positions \[m\] of all nodes where what is prescribed takes them from `x` by itself.
+fn carried(plan: &Plan, x: &[f64], from: &Load, to: &Load) -> Vec<f64> {
+    let mut all = x.to_vec();
+    for island in &plan.islands {
+        let free = island.free_positions(&island.gather(x));
+        let places = LoadedIsland::new(island.clone(), from.clone(), to.clone()).carried(&free);
+        for (&n, place) in island.nodes.iter().zip(places.as_chunks::<3>().0) {
+            all[3 * n as usize..3 * n as usize + 3].copy_from_slice(place);
+        }
+    }
+    all
+}
