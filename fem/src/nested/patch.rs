@@ -16,7 +16,7 @@ const FILLING: LawSpec = LawSpec::NeoHookean { young: 1.0, nu: 0.3 };
 /// How well a patch settles, relative to its forces: any shape does.
 const SETTLED: f64 = 1e-2;
 /// Linear systems that a patch may take before it is left to a larger one.
-const MOST_WORK: usize = 100;
+const MOST_WORK: usize = 300;
 /// Set of nodes, and the control that moves them.
 const RIM: &str = "rim";
 
