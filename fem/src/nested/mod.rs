@@ -5,6 +5,8 @@
 //! must, which at the edge of a support is not where cells of the coarse mesh take them; cells that fold there are given shape again. The
 //! fine equilibrium is as exact as any: only the way to it is shorter. Where there are several it may be another one.
 
+#![allow(non_snake_case)]
+
 mod patch;
 
 use crate::mesh::Prolongation;
@@ -28,11 +30,12 @@ impl<'a> CoarseRun<'a> {
     /// where nothing is known. `to`: the load there. Empty where the coarse run did not come so far.
     pub fn way(&self, fine: &Plan, before: Option<&Frame>, frame: usize, to: &Load) -> Vec<Option<[f64; 3]>> {
         let Some(reached) = self.frames.get(frame) else { return Vec::new() };
-        let started =
-            frame.checked_sub(1).map_or_else(|| self.plan.reference(), |f| self.frames[f].x.clone());
-        let moved: Vec<f64> = reached.x.iter().zip(&started).map(|(to, from)| to - from).collect();
-        let mut way = self.onto.vectors(&moved);
+        let moved: Vec<f64> = reached.x.iter().zip(self.plan.reference()).map(|(x, X)| x - X).collect();
         let start = before.map_or_else(|| fine.reference(), |frame| frame.x.clone());
+        let mut way = self.onto.vectors(&moved);
+        for (n, way) in way.iter_mut().enumerate() {
+            *way = way.map(|u| std::array::from_fn(|c| fine.mesh.points[n][c] + u[c] - start[3 * n + c]));
+        }
         let from = before.map_or_else(|| fine.load(&[], &[]).expect("nothing is named"), |f| f.load.clone());
         let calm = carried(fine, &start, &from, to);
         let is_free: Vec<bool> = fine.motion.iter().map(|m| *m == [Motion::Free; 3]).collect();

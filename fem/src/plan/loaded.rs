@@ -57,9 +57,7 @@ impl LoadedIsland {
     /// positions \[m\] of the free nodes at the start.
     pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
         let mut moved = x.to_vec();
-        if let Some(predictor) = self.predictor() {
-            predictor.predict(&self.start, &self.end, &mut moved);
-        }
+        self.carry(self.led_in(), &mut moved);
         let places = x.as_chunks::<3>().0.iter().zip(moved.as_chunks::<3>().0);
         let beyond = |(&n, (x, moved)): (&u32, (&[f64; 3], &[f64; 3]))| match way[n as usize] {
             Some(way) => std::array::from_fn(|c| x[c] + way[c] - moved[c]),
@@ -73,9 +71,23 @@ impl LoadedIsland {
     pub fn carried(mut self, x: &[f64]) -> Vec<f64> {
         let mut x = x.to_vec();
         let n = self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.start, &self.end));
-        (1..=n).for_each(|k| self.predict(k as f64 / n as f64, &mut x));
+        self.carry(n, &mut x);
         self.set_load(1.0, &mut x);
         self.expand(&x)
+    }
+
+    /// Takes the free nodes at `x` from start to end by the predictor, in pieces.
+    fn carry(&self, pieces: usize, x: &mut [f64]) {
+        let Some(predictor) = self.predictor() else { return };
+        let at = |k: usize| self.load_at(k as f64 / pieces as f64);
+        (0..pieces).for_each(|k| predictor.predict(&at(k), &at(k + 1), x));
+    }
+
+    /// In how many pieces to go to a guess: at once where nobody can be met on the way.
+    fn led_in(&self) -> usize {
+        let in_pieces = self.terms.iter().any(|term| term.keeps_apart());
+        let predictor = self.predictor().filter(|_| in_pieces);
+        predictor.map_or(1, |predictor| predictor.n_pieces(&self.start, &self.end).max(1))
     }
 
     /// The island.
@@ -495,7 +507,7 @@ impl Loading for LoadedIsland {
             return 0;
         }
         match (self.ahead.is_empty(), self.displaces(t)) {
-            (false, _) => 1,
+            (false, _) => self.led_in(),
             (true, false) => 0,
             (true, true) => {
                 self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t)))
