@@ -1,9 +1,9 @@
 //! Nested iteration: a run on a fine mesh that is led by one on a coarse mesh of the same bodies (Hackbusch, Multi-Grid Methods and
 //! Applications, Springer 1985, ch. 5), with Newton's method on every mesh.
 //!
-//! What the coarse run displaces from frame to frame is carried over and added to where the fine run is. Prescribed nodes go where they
-//! must, which at the edge of a support is not where cells of the coarse mesh take them; cells that fold there are given shape again. The
-//! fine equilibrium is as exact as any: only the way to it is shorter. Where there are several it may be another one.
+//! Displacements of the coarse run are carried over, frame by frame. Prescribed nodes go where they must, which at the edge of a support is
+//! not where cells of the coarse mesh take them; cells that fold there are given shape again. The fine equilibrium is as exact as any: only
+//! the way to it is shorter. Where there are several it may be another one.
 
 #![allow(non_snake_case)]
 
