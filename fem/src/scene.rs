@@ -224,6 +224,11 @@ pub enum LawSpec {
         young: f64,
         nu: f64,
     },
+    /// No tissue: what gives folded cells a shape. In no file.
+    #[serde(skip)]
+    FoldoverFree {
+        epsilon: f64,
+    },
     /// Blemker's muscle with its published curves.
     Blemker {
         g1: f64,

@@ -13,6 +13,7 @@ pub enum Law {
     StableNeoHookean(StableNeoHookean),
     StVenantKirchhoff(StVenantKirchhoff),
     LinearElastic(LinearElastic),
+    FoldoverFree(FoldoverFree),
     Blemker(BlemkerFibre),
 }
 
@@ -26,6 +27,7 @@ macro_rules! each {
             Law::StableNeoHookean($law) => $call,
             Law::StVenantKirchhoff($law) => $call,
             Law::LinearElastic($law) => $call,
+            Law::FoldoverFree($law) => $call,
             Law::Blemker($law) => $call,
         }
     };

@@ -8,6 +8,7 @@
 
 pub mod blemker;
 mod fibre_reinforced;
+pub mod foldover_free;
 pub mod force_length;
 mod isotropic;
 mod jet;
@@ -23,6 +24,7 @@ pub mod user;
 
 pub use blemker::{Blemker, BlemkerFibre};
 pub use fibre_reinforced::FibreReinforced;
+pub use foldover_free::FoldoverFree;
 pub use isotropic::{Isotropic, mean_dilatation};
 pub use jet::{Jet, Real, Slope};
 pub use law::Law;

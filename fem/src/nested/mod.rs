@@ -39,11 +39,11 @@ impl<'a> CoarseRun<'a> {
         let from = before.map_or_else(|| fine.load(&[], &[]).expect("nothing is named"), |f| f.load.clone());
         let calm = carried(fine, &start, &from, to);
         let is_free: Vec<bool> = fine.motion.iter().map(|m| *m == [Motion::Free; 3]).collect();
-        let mut x = calm.clone();
+        let mut x = calm;
         let led =
             way.iter().enumerate().filter_map(|(n, way)| way.filter(|_| is_free[n]).map(|way| (n, way)));
         led.for_each(|(n, way)| (0..3).for_each(|c| x[3 * n + c] = start[3 * n + c] + way[c]));
-        patch::unfold(&fine.mesh, &start, &calm, &is_free, &mut x);
+        patch::unfold(&fine.mesh, &start, &is_free, &mut x);
         for (n, way) in way.iter_mut().enumerate() {
             *way = way.map(|_| std::array::from_fn(|c| x[3 * n + c] - start[3 * n + c]));
         }

@@ -2,37 +2,41 @@
 
 use crate::mesh::quality::gauss_dets;
 use crate::mesh::{CellBlock, CellKind, Mesh};
-use crate::plan::{LoadedIsland, Plan};
-use crate::scene::{LawSpec, PrescribedSpec, Scene, SolidSpec};
-use crate::solve::{DET_F_FRACTION, Settings, Solver, Stability};
+use crate::plan::{Island, LoadedIsland, Plan};
+use crate::scene::{FormulationSpec, LawSpec, PrescribedSpec, Scene, SolidSpec};
+use crate::solve::{DET_F_FRACTION, Settings, Solver};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Rings of cells about folded ones that give way: the fewer the better, as there the guess is lost; more where fewer have no shape.
-const RINGS: [usize; 3] = [2, 4, 8];
-/// What fills a patch. Its stiffness does not count; it is compressible, so that it has a shape between any others.
-const FILLING: LawSpec = LawSpec::NeoHookean { young: 1.0, nu: 0.3 };
+const RINGS: [usize; 3] = [1, 2, 4];
+/// ε of the energy that gives shape, one after the other: with a small one at once Newton's method creeps.
+const EPSILONS: [f64; 3] = [1.0, 0.1, 0.01];
 /// How well a patch settles, relative to its forces: any shape does.
 const SETTLED: f64 = 0.1;
-/// Linear systems that a patch may take before it is left to a larger one.
-const MOST_WORK: usize = 150;
+/// Iterations that a patch may take with each.
+const MOST_ITERATIONS: usize = 20;
 /// Set of nodes, and the control that moves them.
 const RIM: &str = "rim";
 
-/// Moves free nodes at `x` \[m\] about cells that are folded: to where tissue that fills these cells, at rest in the shape `calm` \[m\], comes to
-/// rest when all others go to `x`. Folded is what the solver would not go to at once from `start` \[m\]. What finds no shape stays.
-pub(super) fn unfold(mesh: &Mesh, start: &[f64], calm: &[f64], is_free: &[bool], x: &mut [f64]) {
+/// Moves free nodes at `x` \[m\] about cells that are folded to where these cells have a shape as near to that in the mesh as others let them.
+/// Folded is what the solver would not go to at once from `start` \[m\]. What finds no shape stays folded.
+pub(super) fn unfold(mesh: &Mesh, start: &[f64], is_free: &[bool], x: &mut [f64]) {
     for rings in RINGS {
-        let folded = folded(mesh, start, x);
-        tracing::debug!(rings, cells = folded.len(), "a guess folds cells");
-        if folded.is_empty() {
+        let cells = folded(mesh, start, x);
+        tracing::debug!(rings, cells = cells.len(), "a guess folds cells");
+        if cells.is_empty() {
             return;
         }
-        let near = within(mesh, &folded, rings);
+        let near = within(mesh, &cells, rings);
         let moves: Vec<bool> = near.iter().zip(is_free).map(|(near, free)| *near && *free).collect();
-        if let Some(patches) = Patches::new(mesh, &near, &moves, calm, x) {
-            patches.shape(&moves, x);
+        for epsilon in EPSILONS {
+            Patches::new(mesh, &near, &moves, x, epsilon).shape(&moves, x);
+            if folded(mesh, start, x).is_empty() {
+                return;
+            }
         }
     }
 }
@@ -84,13 +88,11 @@ struct Patches {
 }
 
 impl Patches {
-    /// Of the cells that have a node that is `near`, at rest in the shape `calm` \[m\]; nodes that do not move are displaced to `x` \[m\]. `None`
-    /// where that is no shape to be at rest in.
-    fn new(mesh: &Mesh, near: &[bool], moves: &[bool], calm: &[f64], x: &[f64]) -> Option<Patches> {
+    /// Of the cells that have a node that is `near`; nodes that do not move are displaced to `x` \[m\].
+    fn new(mesh: &Mesh, near: &[bool], moves: &[bool], x: &[f64], epsilon: f64) -> Patches {
         let mut nodes = Vec::new();
         let mut known = BTreeMap::new();
         let mut small = Mesh::default();
-        let place = |x: &[f64], n: u32| -> [f64; 3] { std::array::from_fn(|c| x[3 * n as usize + c]) };
         let mut blocks: BTreeMap<&str, CellBlock> = BTreeMap::new();
         for (block, cell) in cells(mesh).filter(|(_, cell)| cell.iter().any(|&n| near[n as usize])) {
             let empty = || CellBlock { name: block.name.clone(), kind: block.kind, nodes: Vec::new() };
@@ -98,7 +100,7 @@ impl Patches {
             own.nodes.extend(cell.iter().map(|&n| {
                 *known.entry(n).or_insert_with(|| {
                     nodes.push(n);
-                    small.points.push(place(calm, n));
+                    small.points.push(mesh.points[n as usize]);
                     nodes.len() as u32 - 1
                 })
             }));
@@ -106,8 +108,8 @@ impl Patches {
         small.blocks = blocks.into_values().collect();
         let rim: Vec<u32> = (0..nodes.len() as u32).filter(|&s| !moves[nodes[s as usize] as usize]).collect();
         let displaced = |&s: &u32| {
-            let (from, to) = (place(calm, nodes[s as usize]), place(x, nodes[s as usize]));
-            std::array::from_fn(|c| to[c] - from[c])
+            let n = nodes[s as usize] as usize;
+            std::array::from_fn(|c| x[3 * n + c] - mesh.points[n][c])
         };
         let rim_moves = PrescribedSpec {
             nodes: RIM.into(),
@@ -116,34 +118,35 @@ impl Patches {
             control: Some(RIM.into()),
         };
         small.node_sets.insert(RIM.into(), rim);
+        let solid = |block: &CellBlock| SolidSpec {
+            formulation: Some(FormulationSpec::Plain),
+            ..SolidSpec::new(&block.name, LawSpec::FoldoverFree { epsilon })
+        };
         let scene = Scene {
-            solids: small.blocks.iter().map(|block| SolidSpec::new(&block.name, FILLING)).collect(),
+            solids: small.blocks.iter().map(solid).collect(),
             prescribed: vec![rim_moves],
             ..Scene::default()
         };
-        let plan = Plan::new(&scene, small);
-        let plan = plan.inspect_err(|error| tracing::debug!(%error, "a patch has no shape to be at rest in"));
-        Some(Patches { plan: plan.ok()?, nodes })
+        let plan = Plan::new(&scene, small).expect("cells of a mesh that has a plan");
+        Patches { plan, nodes }
     }
 
     /// Puts the nodes that move to where they come to rest.
     fn shape(&self, moves: &[bool], x: &mut [f64]) {
-        let settings = Settings {
-            tolerance: SETTLED,
-            stability: Stability::Never,
-            max_work: MOST_WORK,
-            ..Settings::default()
-        };
-        let load = |value| self.plan.load(&[(RIM, value)], &[]).expect("the control of the rim");
-        let shape = |island: &std::sync::Arc<crate::plan::Island>| {
-            let mut potential = LoadedIsland::new(island.clone(), load(0.0), load(1.0));
-            let mut free = island.free_positions(&island.X);
+        let settings =
+            Settings { tolerance: SETTLED, max_iterations: MOST_ITERATIONS, ..Settings::default() };
+        let load = self.plan.load(&[(RIM, 1.0)], &[]).expect("the control of the rim");
+        let all: Vec<f64> =
+            self.nodes.iter().flat_map(|&n| x[3 * n as usize..3 * n as usize + 3].to_vec()).collect();
+        let shape = |island: &Arc<Island>| {
+            let mut potential = LoadedIsland::new(island.clone(), load.clone(), load.clone());
+            let mut free = island.free_positions(&island.gather(&all));
             if free.is_empty() {
                 return None;
             }
-            let done = Solver::new(RIM, settings).advance(&mut potential, &mut free, 0, &mut Vec::new());
-            tracing::debug!(island = %island.name, unknowns = free.len(), has_shape = done.is_ok(), "patch");
-            done.ok().map(|_| potential.expand(&free))
+            let took = Solver::new(RIM, settings).settle(&mut potential, &mut free);
+            tracing::debug!(island = %island.name, unknowns = free.len(), ?took, "patch");
+            took.ok().map(|_| potential.expand(&free))
         };
         let shapes: Vec<Option<Vec<f64>>> = self.plan.islands.par_iter().map(shape).collect();
         for (island, shape) in self.plan.islands.iter().zip(shapes) {

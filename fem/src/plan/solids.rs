@@ -149,6 +149,10 @@ fn field(
             young_and_poisson(user, *young, *nu)?;
             Law::LinearElastic(LinearElastic::from_young(*young, *nu))
         }
+        LawSpec::FoldoverFree { epsilon } => {
+            positive(user, &[("epsilon", *epsilon)])?;
+            Law::FoldoverFree(FoldoverFree { epsilon: *epsilon })
+        }
         LawSpec::Blemker { g1, g2, bulk, sigma_max, lambda_ofl, fibres: along, activation: control } => {
             positive(
                 user,

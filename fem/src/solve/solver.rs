@@ -237,23 +237,8 @@ impl Solver {
     ) -> Result<Advance, SolveError> {
         let start = Instant::now();
         self.settings.begin(potential, x, &self.name, step)?;
-        let (name, settings) = (self.name.clone(), self.settings);
-        let Kept { linear, k, supported, .. } = self.prepare(potential, x)?;
-        let mut run = Run {
-            name,
-            settings,
-            step,
-            tolerance: settings.tolerance,
-            log,
-            report: Advance::default(),
-            linear,
-            k,
-            supported: *supported,
-            fixed: potential.fixed().to_vec(),
-            convexity: Convexity::none(),
-            met_indefinite: false,
-            may_approach: false,
-        };
+        let settings = self.settings;
+        let mut run = self.run(potential, x, step, log)?;
         let (mut t, mut length) = (0.0, settings.first_step);
         let mut good = x.to_vec();
         // The last equilibrium to the tolerance; where a load step was cut short the way goes on from a looser one.
@@ -301,6 +286,44 @@ impl Solver {
         run.report.contact_s = potential.contact_seconds();
         run.report.total_s = start.elapsed().as_secs_f64();
         Ok(run.report)
+    }
+
+    /// Takes `x` as near to equilibrium under the whole load as Newton's method comes, whether that is a state or not; returns the iterations.
+    pub(crate) fn settle(&mut self, potential: &mut dyn Loading, x: &mut [f64]) -> Result<usize, SolveError> {
+        potential.set_load(1.0, x);
+        let mut log = Vec::new();
+        let mut run = self.run(potential, x, 0, &mut log)?;
+        run.convexity = Convexity::full();
+        // Where it came to is all that is asked for.
+        let _ = run.newton(potential, x, 1.0);
+        Ok(run.report.iterations)
+    }
+
+    /// What a call needs, with what is kept of the ones before.
+    fn run<'a>(
+        &'a mut self,
+        potential: &dyn Loading,
+        x: &[f64],
+        step: usize,
+        log: &'a mut Vec<Iteration>,
+    ) -> Result<Run<'a>, SolveError> {
+        let (name, settings) = (self.name.clone(), self.settings);
+        let Kept { linear, k, supported, .. } = self.prepare(potential, x)?;
+        Ok(Run {
+            name,
+            settings,
+            step,
+            tolerance: settings.tolerance,
+            log,
+            report: Advance::default(),
+            linear,
+            k,
+            supported: *supported,
+            fixed: potential.fixed().to_vec(),
+            convexity: Convexity::none(),
+            met_indefinite: false,
+            may_approach: false,
+        })
     }
 
     /// Analyses a new pattern and refuses an island that can move freely, where nothing can touch that might hold it and it has no inertia.
