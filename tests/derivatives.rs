@@ -74,6 +74,7 @@ fn laws() -> Vec<Law> {
         law("Mooney-Rivlin, LS-DYNA", MooneyRivlinDyna { a: 3.0, b: 0.75, nu: 0.45 }, false),
         law("stable neo-Hookean", StableNeoHookean::from_young(20.0, 0.4), true),
         law("St. Venant-Kirchhoff", StVenantKirchhoff::from_young(20.0, 0.3), true),
+        law("foldover-free", FoldoverFree { epsilon: 0.5 }, true),
         law("linear elastic", LinearElastic::from_young(20.0, 0.3), false),
         law("Blemker, passive", along(Blemker { bulk: 1e4, ..Blemker::muscle() }), false),
         law("Blemker, active", along(Blemker { bulk: 1e4, activation: 0.7, ..Blemker::muscle() }), false),

@@ -18,7 +18,6 @@ pub fn laws() -> Vec<(&'static str, LawSpec)> {
         ("Mooney-Rivlin, LS-DYNA", LawSpec::MooneyRivlinDyna { a: 3e3, b: 0.75e3, nu }),
         ("stable neo-Hookean", LawSpec::StableNeoHookean { young, nu }),
         ("St. Venant-Kirchhoff", LawSpec::StVenantKirchhoff { young, nu: 0.3 }),
-        ("foldover-free", LawSpec::FoldoverFree { epsilon: 1e-3 }),
         ("linear elastic", LawSpec::LinearElastic { young, nu }),
         (
             "Blemker",

@@ -8,13 +8,16 @@ use fem::plan::{LoadedIsland, Plan};
 use fem::solve::{Analysis, Pattern, Potential};
 use rayon::prelude::*;
 
-use crate::comparison::STAGES;
+use crate::comparison::{STAGES, Sized, coarse_stage};
 use crate::configuration::{Configuration, PerConfiguration};
+use crate::error::CouplingError;
 use crate::scene::{Fibres, Scene};
 use crate::thigh::build::Thigh;
 
 /// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured with the built-in walker at 12 and 6 mm, muscles spread fivefold.
 const ITERATIONS: PerConfiguration<f64> = PerConfiguration { without: 35.0, with: 22.0 };
+/// The same without contact where a coarser mesh shows the way, as much fewer as the walker takes less time with 6 mm after 12 mm.
+const LED_ITERATIONS: f64 = 14.0;
 /// Newton iterations of a muscle in its calibration, both solutions together; the Hessian is often indefinite there, and counts twice.
 const CALIBRATION: f64 = 31.0;
 /// Floating-point operations of a factorization per second and core, as measured.
@@ -51,8 +54,8 @@ pub struct Expected {
 /// A stage that solves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
-    /// One of [`STAGES`].
-    pub name: &'static str,
+    /// One of [`STAGES`], or a [coarser mesh](super::coarse_stage).
+    pub name: String,
     /// What one factorization takes.
     pub work: Work,
     /// Time on the threads of this process \[s\].
@@ -74,8 +77,8 @@ impl Expected {
         let solid = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid());
         let elements: usize = solid.map(|b| b.n_cells()).sum();
         let threads = rayon::current_num_threads() as f64;
-        let stage = |name, work: Work, c: Configuration, iterations: f64| Stage {
-            name,
+        let stage = |name: &str, work: Work, c: Configuration, iterations: f64| Stage {
+            name: name.to_string(),
             work,
             seconds: slower * (work.operations / FLOPS + ASSEMBLY[c] * elements as f64) * iterations
                 / threads,
@@ -93,7 +96,8 @@ impl Expected {
                 .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION)),
         );
         for (c, work) in works.present() {
-            let iterations = ITERATIONS[c] * scene.steps.len() as f64;
+            let is_led = c == Configuration::WithoutContact && !scene.coarser().is_empty();
+            let iterations = if is_led { LED_ITERATIONS } else { ITERATIONS[c] } * scene.steps.len() as f64;
             stages.push(stage(c.name(), *work, c, iterations));
         }
         Expected {
@@ -103,6 +107,38 @@ impl Expected {
             memory_mib: stages.iter().map(|s| s.memory_mib).fold(PROGRAM / f64::from(1 << 20), f64::max),
             stages,
         }
+    }
+
+    /// The same with this thigh in place of its draft; coarser meshes stay as they were counted.
+    pub fn counted(
+        self,
+        scene: &Scene,
+        thigh: &Thigh,
+        works: PerConfiguration<Option<Work>>,
+        iteration: Option<f64>,
+    ) -> Expected {
+        let mut counted = Expected::of(scene, thigh, works, iteration);
+        let coarser = self.stages.into_iter().filter(|s| counted.stages.iter().all(|own| own.name != s.name));
+        for stage in coarser.collect::<Vec<_>>() {
+            let place =
+                counted.stages.iter().position(|own| stage.name.starts_with(&format!("{},", own.name)));
+            counted.stages.insert(place.unwrap_or(counted.stages.len()), stage);
+        }
+        counted
+    }
+
+    /// The same after the scene was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`.
+    fn after(mut self, coarse: Expected, edge: f64) -> Expected {
+        let beforehand = coarse.meshing + coarse.of_stage(STAGES[2]);
+        for c in Configuration::ALL {
+            let place = self.stages.iter().position(|stage| stage.name == c.name());
+            let solved = coarse.stages.iter().find(|stage| stage.name == c.name());
+            if let (Some(place), Some(solved)) = (place, solved) {
+                let (name, seconds) = (coarse_stage(c, edge), beforehand + solved.seconds);
+                self.stages.insert(place, Stage { name, seconds, ..solved.clone() });
+            }
+        }
+        self
     }
 
     /// Time of all stages \[s\].
@@ -117,6 +153,26 @@ impl Expected {
             _ if name == STAGES[1] => self.meshing,
             _ => self.stages.iter().find(|s| s.name == name).map_or(0.0, |s| s.seconds),
         }
+    }
+}
+
+impl Sized {
+    /// What the scene is expected to take, counted on drafts of its meshes, and the draft of its own. `iteration`: as in [`Expected::of`].
+    pub fn expected(
+        &self,
+        asked: PerConfiguration<bool>,
+        iteration: Option<f64>,
+    ) -> Result<(Thigh, Expected), CouplingError> {
+        let thigh = self.draft()?;
+        let of = |scene: &Scene, thigh: &Thigh| {
+            Expected::of(scene, thigh, Work::of_draft(scene, thigh, asked), iteration)
+        };
+        let mut expected = of(&self.scene, &thigh);
+        for edge in self.scene.coarser() {
+            let coarse = self.at(edge);
+            expected = expected.after(of(&coarse.scene, &coarse.draft()?), edge);
+        }
+        Ok((thigh, expected))
     }
 }
 

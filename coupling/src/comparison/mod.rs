@@ -90,8 +90,8 @@ pub struct Prepared {
     pub thigh: Thigh,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
-    /// Muscles and bones before they were meshed, for other meshes; only where those are asked for.
-    limb: Option<Limb>,
+    /// What it was meshed from, for other meshes; only where those are asked for.
+    sized: Option<Sized>,
     /// Per step the isometric activation of every muscle, as the controller of the scene says.
     controlled: Option<Vec<Vec<f64>>>,
 }
@@ -212,6 +212,14 @@ impl Sized {
         &self.done.case.doubts
     }
 
+    /// The same with edges of this length \[m\].
+    pub(crate) fn at(&self, edge: f64) -> Sized {
+        let scene = Scene { resolution: edge, ..self.scene.clone() };
+        let (done, registration) = (self.done.clone(), self.registration.clone());
+        let (steps, limb) = (self.steps.clone(), self.limb.clone());
+        Sized { scene, done, registration, steps, limb, inputs: Vec::new() }
+    }
+
     /// The thigh before its mesh is made, to be counted; without muscles where the rigid leg is alone.
     pub fn draft(&self) -> Result<Thigh, CouplingError> {
         let Some(limb) = &self.limb else { return Ok(names_only()) };
@@ -244,8 +252,8 @@ impl Prepared {
 
     /// Meshes the thigh. `lap` is called as that ends.
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CouplingError> {
+        let kept = (!sized.scene.coarser().is_empty()).then(|| sized.at(sized.scene.resolution));
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
-        let kept = limb.as_ref().filter(|_| !scene.coarser().is_empty()).cloned();
         let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.inset, &scene.muscles, effects(&scene)))
             .transpose()?;
@@ -255,7 +263,7 @@ impl Prepared {
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());
-        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs, limb: kept, controlled: None })
+        Ok(Prepared { scene, done, registration, steps, made, thigh, inputs, sized: kept, controlled: None })
     }
 
     /// Takes over what the [controller](Scene::controller) of the scene says: per step the isometric activation of every muscle of the thigh.
@@ -438,10 +446,7 @@ impl Prepared {
     ) -> Result<Option<Solution>, CouplingError> {
         let mut last: Option<Solution> = None;
         for edge in self.scene.coarser() {
-            let scene = Scene { resolution: edge, ..self.scene.clone() };
-            let (done, registration) = (self.done.clone(), self.registration.clone());
-            let (steps, limb, inputs) = (self.steps.clone(), self.limb.clone(), Vec::new());
-            let sized = Sized { scene, done, registration, steps, limb, inputs };
+            let sized = self.sized.as_ref().expect("kept where there are coarser meshes").at(edge);
             let mut coarse = Prepared::of(sized, &mut |_| ())?;
             coarse.controlled.clone_from(&self.controlled);
             let asked = PerConfiguration::of(|c| c == configuration);

@@ -263,7 +263,7 @@ fn young(law: &LawSpec) -> f64 {
         LawSpec::NeoHookeanUncoupled { mu, bulk } => of(*mu, *bulk),
         LawSpec::MooneyRivlin { c10, c01, bulk } => of(2.0 * (c10 + c01), *bulk),
         LawSpec::MooneyRivlinDyna { a, b, nu } => 4.0 * (a + b) * (1.0 + nu),
-        // 3 (I₁ J^(-2/3) - 3) alone has μ = 2.
+        // I₁ J^(-2/3) has μ = 2, J + 1 / J a bulk modulus of 2.
         LawSpec::FoldoverFree { .. } => of(2.0, 2.0),
         LawSpec::Blemker { g1, g2, bulk, .. } => of(g1 + g2, *bulk),
         LawSpec::User(law) => law.mean_young(),

@@ -17,7 +17,6 @@ use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, Size};
 use crate::report::compare::CompareReport;
 use coupling::comparison::compare::MuscleForce;
-use coupling::comparison::estimate::{Expected, Work};
 use coupling::comparison::explain::{write_calibration, write_factors};
 use coupling::comparison::{Comparison, Prepared, STAGES, Sized, coarse_stage};
 use coupling::configuration::{Configuration, PerConfiguration};
@@ -233,9 +232,7 @@ pub(super) fn carry_out(
     progress.lap(STAGES[0]);
     progress.pause(|| tell(sized.doubts()));
     if progress.is_shown() {
-        let thigh = sized.draft()?;
-        let works = Work::of_draft(&sized.scene, &thigh, asked);
-        let expected = Expected::of(&sized.scene, &thigh, works, None);
+        let (_, expected) = sized.expected(asked, None)?;
         progress.expect(|stage| expected.of_stage(stage));
     }
     let mut prepared = Prepared::of(sized, &mut |stage| progress.lap(stage))?;

@@ -21,7 +21,7 @@ use crate::output::cost::{write_axes, write_cost, write_errors};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::cost::{CostReport, cost_page, cost_picture};
-use coupling::comparison::estimate::{Expected, Work};
+use coupling::comparison::estimate::Expected;
 use coupling::comparison::speed::iteration_seconds;
 use coupling::comparison::{STAGES, Sized};
 use coupling::configuration::PerConfiguration;
@@ -81,9 +81,7 @@ impl Before {
         let hash = program_hash(&format!("{}{files}", rung.scene.text));
         let text = format!("# Rung {} of the ladder {}; {hash}\n{}", rung.name, ladder.name, rung.scene.text);
         let with = rung.scene.contact.is_some();
-        let thigh = sized.draft()?;
-        let works = Work::of_draft(&sized.scene, &thigh, PerConfiguration { without: !with, with });
-        let expected = Expected::of(&sized.scene, &thigh, works, None);
+        let (_, expected) = sized.expected(PerConfiguration { without: !with, with }, None)?;
         Ok((Before { text, expected }, sized))
     }
 }

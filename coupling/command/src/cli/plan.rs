@@ -38,9 +38,14 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
     };
     let asked = PerConfiguration { without: true, with: scene.contact.is_some() };
     let data = arguments.data.as_deref();
-    let (scene, thigh, works) = if arguments.exact {
-        let prepared = Prepared::new(scene, data, &mut |_| ())?;
-        tell(&prepared.done.case.doubts);
+    let sized = Sized::new(scene, data)?;
+    tell(sized.doubts());
+    // A second that the rigid leg alone has no use for.
+    let iteration = sized.scene.deformable.then(iteration_seconds);
+    let (mut thigh, mut expected) = sized.expected(asked, iteration)?;
+    let scene = sized.scene.clone();
+    if arguments.exact {
+        let prepared = Prepared::of(sized, &mut |_| ())?;
         let work = |c: Configuration| -> Result<Option<Work>, CommandError> {
             let wanted = asked[c] && prepared.made.is_some();
             wanted.then(|| Ok(Work::of_plan(&prepared.plan(&prepared.thigh, c)?))).transpose()
@@ -49,18 +54,10 @@ pub fn run(arguments: &PlanArguments) -> Result<Outcome, CommandError> {
             without: work(Configuration::WithoutContact)?,
             with: work(Configuration::WithContact)?,
         };
-        (prepared.scene, prepared.thigh, works)
-    } else {
-        let sized = Sized::new(scene, data)?;
-        tell(sized.doubts());
-        let thigh = sized.draft()?;
-        let works = Work::of_draft(&sized.scene, &thigh, asked);
-        (sized.scene, thigh, works)
-    };
+        expected = expected.counted(&scene, &prepared.thigh, works, iteration);
+        thigh = prepared.thigh;
+    }
     let (simulated, left_out) = scene.effects(&thigh, asked);
-    // A second that the rigid leg alone has no use for.
-    let iteration = scene.deformable.then(iteration_seconds);
-    let expected = Expected::of(&scene, &thigh, works, iteration);
     let mut out = std::io::stdout().lock();
     // A reader that closes the pipe early is no error.
     let _ = if arguments.json {
