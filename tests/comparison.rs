@@ -480,7 +480,6 @@ fn a_coarser_mesh_shows_the_way_and_the_forces_stay() {
         files_without_times(&folder.path().join("single")),
     );
     assert!(two == one, "threads change the run");
-    assert!(two.keys().any(|name| name.starts_with("from_18_mm/contact/")), "{:?}", two.keys());
     let forces = |out: &str| -> Vec<(String, f64)> {
         let table = fs::read_to_string(folder.path().join(out).join("quantities.csv")).unwrap();
         let rows = table.lines().filter(|row| row.contains(",section_force_N,"));

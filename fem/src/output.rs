@@ -108,10 +108,7 @@ pub fn run_restartable(
             Some(done) => done,
             None => {
                 let last = run.frames.last();
-                let session = match last {
-                    None => Session::new(plan, settings, None),
-                    Some(frame) => Session::from_frame(plan, settings, frame, k - 1),
-                };
+                let session = Session::after(plan, settings, last, k);
                 let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, last, k, &to.load));
                 match session {
                     Ok(mut session) => session.advance_along(to, &way),

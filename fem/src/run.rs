@@ -215,6 +215,19 @@ impl<'a> Session<'a> {
         Ok(Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x))? })
     }
 
+    /// Before the `step`-th frame of a run: at the frame before, or at the mesh as read.
+    pub(crate) fn after(
+        plan: &'a Plan,
+        settings: &Settings,
+        last: Option<&Frame>,
+        step: usize,
+    ) -> Result<Session<'a>, SolveError> {
+        match last {
+            None => Session::new(plan, settings, None),
+            Some(frame) => Session::from_frame(plan, settings, frame, step - 1),
+        }
+    }
+
     /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the
     /// session stays at the last good state of each island and should not be used further.
     pub fn advance(&mut self, to: &DriveFrame) -> Advanced {

@@ -2,21 +2,17 @@
 
 use mesher::MusclePart;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fem::body::Pose;
 use fem::contact::Mode;
 use fem::effect::EffectKind;
 use fem::geometry::{SearchSurface, Surface};
 use fem::measure::{PairForce, collision_surfaces, pair_forces};
-use fem::nested::CoarseRun;
-use fem::output::{Restart, run_restartable};
 use fem::parts::{Beside, MovingBone};
 use fem::plan::{Load, Plan, SceneError};
 use fem::run::{Drive, DriveFrame, Frame, Run};
 use fem::scene::{FibreLawSpec, FibreSpec};
-use fem::solve::Settings;
 use mesher::Bone;
 use rayon::prelude::*;
 
@@ -211,28 +207,6 @@ pub fn beside(drive: &Drive, steps: &[RigidStep], stress_free: StressFree, bones
 pub fn wanted(thigh: &Thigh, step: &RigidStep) -> Vec<f64> {
     let force = |name: &str| step.muscle(name).map_or(0.0, |m| m.force().norm());
     thigh.muscles.iter().map(|m| force(&m.name)).collect()
-}
-
-/// Carries one configuration through the steps; its frames are written to `folder` as they come, and `on_frame` is called after each.
-/// `restart`: under which key states are kept, and whether those of a killed run are taken over; `coarse`: the solution
-/// on a coarser mesh, which shows the way.
-pub fn solution(
-    plan: Plan,
-    thigh: &Thigh,
-    drive: &Drive,
-    steps: &[RigidStep],
-    settings: &Settings,
-    folder: &Path,
-    beside: &Beside,
-    restart: Restart,
-    coarse: Option<&Solution>,
-    on_frame: &mut dyn FnMut(&Frame),
-) -> Result<Solution, CompareError> {
-    let clock = Instant::now();
-    let led = coarse.map(|coarse| CoarseRun::new(&coarse.plan, &coarse.run.frames, &plan));
-    let run =
-        run_restartable(&plan, drive, settings, folder, "thigh", beside, restart, led.as_ref(), on_frame)?;
-    Ok(measured(plan, thigh, run, steps, drive.frames.len() - steps.len(), clock.elapsed()))
 }
 
 /// What is measured on a run through the steps: forces, intersections, overlaps. `passive`: frames on the way to the first step.

@@ -11,16 +11,17 @@ pub mod speed;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fem::mesh::Mesh;
-use fem::output::{Restart, write_run};
+use fem::nested::{CoarseRun, run_led};
+use fem::output::{Restart, run_restartable, write_run};
 use fem::plan::Plan;
 use fem::run::{Drive, Frame, Run};
 use fem::solve::{Iteration, Method, Settings, Stability, Way};
 use mesher::limb::Limb;
 
-use crate::comparison::compare::{CompareError, Solution, StepForces, beside, drive, measured, solution};
+use crate::comparison::compare::{CompareError, Solution, StepForces, beside, drive, measured};
 use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::fibres::cache::{Cache, content_hash};
@@ -401,50 +402,39 @@ impl Prepared {
         let PerConfiguration { without, with } = plans;
         for (c, plan) in Configuration::ALL.into_iter().zip([without, with]) {
             let Some(plan) = plan else { continue };
-            let coarse = self.coarser(c, folder, resume, lap)?;
-            let (thigh, controls) = (&comparison.thigh, &comparison.controls);
-            let done = self.carried_through(c, plan, thigh, controls, coarse.as_ref(), folder, resume)?;
+            let thigh = &comparison.thigh;
+            let way = drive(&plan, thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
+            let settings = settings_of(&self.scene, c);
+            let coarser = self.scene.coarser();
+            let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings, &coarser);
+            let restart = Restart { key: &key, resume };
+            let coarse = self.coarser(c, folder, lap)?;
+            let led = coarse.as_ref().map(|(coarse, run)| CoarseRun::new(coarse, &run.frames, &plan));
+            let led = led.as_ref();
+            let folder = folder.join(c.folder());
+            let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
+            let beside = beside(&way, &self.steps, self.scene.stress_free, bones);
+            let clock = Instant::now();
+            let run =
+                run_restartable(&plan, &way, &settings, &folder, "thigh", &beside, restart, led, &mut |_| ())
+                    .map_err(CompareError::from)?;
+            let passive = way.frames.len() - self.steps.len();
+            let done = measured(plan, thigh, run, &self.steps, passive, clock.elapsed());
             lap(c.name());
             comparison.solutions[c] = Some(done);
         }
         Ok(comparison)
     }
 
-    /// Solves the steps in one configuration; its frames go to its folder in `folder`. `coarse`: a solution on a coarser mesh, which shows the
-    /// way.
-    fn carried_through(
-        &self,
-        configuration: Configuration,
-        plan: Plan,
-        thigh: &Thigh,
-        controls: &[Vec<f64>],
-        coarse: Option<&Solution>,
-        folder: &Path,
-        resume: bool,
-    ) -> Result<Solution, CouplingError> {
-        let stress_free = self.scene.stress_free;
-        let way = drive(&plan, thigh, controls, &self.steps, stress_free)?;
-        let settings = settings_of(&self.scene, configuration);
-        let scene = self.configured(thigh, configuration).scene;
-        let key = run_key(&scene, &plan, &way, &settings, &self.scene.coarser());
-        let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
-        let beside = beside(&way, &self.steps, stress_free, bones);
-        let folder = folder.join(configuration.folder());
-        let restart = Restart { key: &key, resume };
-        let on_frame = &mut |_: &Frame| ();
-        Ok(solution(plan, thigh, &way, &self.steps, &settings, &folder, &beside, restart, coarse, on_frame)?)
-    }
-
     /// The steps on the last of the [coarser meshes](Scene::coarser), each of which was led by the one before; `None` where none is asked for.
-    /// Frames go to folders in `folder` that say the edge. `lap` is called as each ends.
+    /// They are not written; a run that is resumed solves them again. Calibrations are kept beside `folder`. `lap` is called as each ends.
     fn coarser(
         &self,
         configuration: Configuration,
         folder: &Path,
-        resume: bool,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Option<Solution>, CouplingError> {
-        let mut last: Option<Solution> = None;
+    ) -> Result<Option<(Plan, Run)>, CouplingError> {
+        let mut last: Option<(Plan, Run)> = None;
         for edge in self.scene.coarser() {
             let sized = self.sized.as_ref().expect("kept where there are coarser meshes").at(edge);
             let mut coarse = Prepared::of(sized, &mut |_| ())?;
@@ -452,18 +442,15 @@ impl Prepared {
             let asked = PerConfiguration::of(|c| c == configuration);
             let Ready { thigh, controls, mut plans, .. } = coarse.calibrate(asked, folder, &mut |_| ())?;
             let plan = plans[configuration].take().expect("asked for");
-            let folder = folder.join(format!("from_{}_mm", short(1e3 * edge)));
-            let solution = coarse.carried_through(
-                configuration,
-                plan,
-                &thigh,
-                &controls,
-                last.as_ref(),
-                &folder,
-                resume,
-            )?;
-            lap(&coarse_stage(configuration, edge));
-            last = Some(solution);
+            let way = drive(&plan, &thigh, &controls, &self.steps, self.scene.stress_free)?;
+            let led = last.as_ref().map(|(coarse, run)| CoarseRun::new(coarse, &run.frames, &plan));
+            let run = run_led(&plan, &way, &settings_of(&coarse.scene, configuration), led.as_ref());
+            let stage = coarse_stage(configuration, edge);
+            for error in &run.errors {
+                crate::say!("{stage}: {error}; from there on it shows no way");
+            }
+            lap(&stage);
+            last = Some((plan, run));
         }
         Ok(last)
     }

@@ -11,7 +11,8 @@ mod patch;
 
 use crate::mesh::Prolongation;
 use crate::plan::{Load, LoadedIsland, Motion, Plan};
-use crate::run::Frame;
+use crate::run::{Drive, Frame, Run, Session};
+use crate::solve::Settings;
 
 /// A run on a coarse mesh that leads one on a fine mesh.
 pub struct CoarseRun<'a> {
@@ -49,6 +50,33 @@ impl<'a> CoarseRun<'a> {
         }
         way
     }
+}
+
+/// Carries a plan along a drive, `led` by a coarse run where there is one; stops at the first frame that is not solved. Every frame has new
+/// solvers, as in [`run_restartable`](crate::output::run_restartable).
+pub fn run_led(plan: &Plan, drive: &Drive, settings: &Settings, led: Option<&CoarseRun>) -> Run {
+    let mut run = Run::default();
+    for (k, to) in drive.frames.iter().enumerate() {
+        let last = run.frames.last();
+        let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, last, k, &to.load));
+        let done = Session::after(plan, settings, last, k).map(|mut session| session.advance_along(to, &way));
+        match done {
+            Ok(done) if done.errors.is_empty() => {
+                run.iterations.extend(done.iterations);
+                run.frames.push(done.frame);
+            }
+            Ok(done) => {
+                run.errors = done.errors;
+                run.unsolved = Some(done.frame);
+                break;
+            }
+            Err(error) => {
+                run.errors = vec![error];
+                break;
+            }
+        }
+    }
+    run
 }
 
 /// Positions \[m\] of all nodes where what is prescribed takes them from `x` by itself.

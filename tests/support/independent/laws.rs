@@ -49,7 +49,7 @@ pub fn density(law: &LawSpec, along: [Wide; 3], active: f64, f: &Matrix, theta: 
         (r.squared() * i1, r.squared().squared() * i2)
     };
     match law {
-        LawSpec::User(_) => panic!("random scenes have no laws of a user's own"),
+        LawSpec::User(_) | LawSpec::FoldoverFree { .. } => panic!("random scenes have no such laws"),
         // Bonet & Wood, §6.4.3.
         LawSpec::NeoHookean { young, nu } => positive.then(|| {
             let (mu, lambda) = lame(*young, *nu);
