@@ -471,9 +471,8 @@ fn a_coarser_mesh_shows_the_way_and_the_forces_stay() {
     };
     run("plain.toml", "2", "plain");
     let said = run("nested.toml", "2", "nested");
-    for stage in ["without contact, 18 mm", "with contact, 18 mm"] {
-        assert!(said.lines().any(|line| line.starts_with(stage)), "{said}");
-    }
+    let is_said = |stage: &str| said.lines().any(|line| line.starts_with(stage));
+    assert!(is_said("without contact, 18 mm") && !is_said("with contact, 18 mm"), "{said}");
     run("nested.toml", "1", "single");
     let (two, one) = (
         files_without_times(&folder.path().join("nested")),

@@ -63,10 +63,17 @@ fn mistakes_are_named_all_at_once() {
         assert!(said.contains(wanted), "{wanted} in {said}");
     }
     let said = parse(
-        &("[solver]\nmethod = \"relaxation\"\n".to_string()
+        &("[solver]\nmethod = \"relaxation\"\nnested_from_mm = 20.0\n".to_string()
             + &level("gracilis", "embedded", "cell_mm = 30.0")),
     );
-    assert!(said.unwrap_err().contains("relaxation with level = \"embedded\""));
+    let said = said.unwrap_err();
+    for wanted in [
+        "relaxation with level = \"embedded\"",
+        "relaxation with solver.nested_from_mm",
+        "line 3: `solver.nested_from_mm` is 20 with level = \"embedded\"",
+    ] {
+        assert!(said.contains(wanted), "{wanted} in {said}");
+    }
     // What only the mesh can tell: cubes that are too small or too large, before anything is solved.
     let folder = tempfile::tempdir().unwrap();
     for (cell, wanted) in [(6.0, "twice the edge"), (500.0, "larger than the region")] {

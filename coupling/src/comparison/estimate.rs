@@ -96,7 +96,7 @@ impl Expected {
                 .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION)),
         );
         for (c, work) in works.present() {
-            let is_led = c == Configuration::WithoutContact && !scene.coarser().is_empty();
+            let is_led = !scene.coarser(c).is_empty();
             let iterations = if is_led { LED_ITERATIONS } else { ITERATIONS[c] } * scene.steps.len() as f64;
             stages.push(stage(c.name(), *work, c, iterations));
         }
@@ -127,16 +127,14 @@ impl Expected {
         counted
     }
 
-    /// The same after the scene was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`.
-    fn after(mut self, coarse: Expected, edge: f64) -> Expected {
+    /// The same after a configuration was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`.
+    fn after(mut self, coarse: Expected, c: Configuration, edge: f64) -> Expected {
         let beforehand = coarse.meshing + coarse.of_stage(STAGES[2]);
-        for c in Configuration::ALL {
-            let place = self.stages.iter().position(|stage| stage.name == c.name());
-            let solved = coarse.stages.iter().find(|stage| stage.name == c.name());
-            if let (Some(place), Some(solved)) = (place, solved) {
-                let (name, seconds) = (coarse_stage(c, edge), beforehand + solved.seconds);
-                self.stages.insert(place, Stage { name, seconds, ..solved.clone() });
-            }
+        let place = self.stages.iter().position(|stage| stage.name == c.name());
+        let solved = coarse.stages.iter().find(|stage| stage.name == c.name());
+        if let (Some(place), Some(solved)) = (place, solved) {
+            let (name, seconds) = (coarse_stage(c, edge), beforehand + solved.seconds);
+            self.stages.insert(place, Stage { name, seconds, ..solved.clone() });
         }
         self
     }
@@ -168,9 +166,11 @@ impl Sized {
             Expected::of(scene, thigh, Work::of_draft(scene, thigh, asked), iteration)
         };
         let mut expected = of(&self.scene, &thigh);
-        for edge in self.scene.coarser() {
-            let coarse = self.at(edge);
-            expected = expected.after(of(&coarse.scene, &coarse.draft()?), edge);
+        for c in Configuration::ALL.into_iter().filter(|c| asked[*c]) {
+            for edge in self.scene.coarser(c) {
+                let coarse = self.at(edge);
+                expected = expected.after(of(&coarse.scene, &coarse.draft()?), c, edge);
+            }
         }
         Ok((thigh, expected))
     }

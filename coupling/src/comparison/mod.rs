@@ -253,7 +253,7 @@ impl Prepared {
 
     /// Meshes the thigh. `lap` is called as that ends.
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CouplingError> {
-        let kept = (!sized.scene.coarser().is_empty()).then(|| sized.at(sized.scene.resolution));
+        let kept = sized.scene.nested_from.is_some().then(|| sized.at(sized.scene.resolution));
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
         let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.inset, &scene.muscles, effects(&scene)))
@@ -405,7 +405,7 @@ impl Prepared {
             let thigh = &comparison.thigh;
             let way = drive(&plan, thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
             let settings = settings_of(&self.scene, c);
-            let coarser = self.scene.coarser();
+            let coarser = self.scene.coarser(c);
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings, &coarser);
             let restart = Restart { key: &key, resume };
             let coarse = self.coarser(c, folder, lap)?;
@@ -435,7 +435,7 @@ impl Prepared {
         lap: &mut dyn FnMut(&str),
     ) -> Result<Option<(Plan, Run)>, CouplingError> {
         let mut last: Option<(Plan, Run)> = None;
-        for edge in self.scene.coarser() {
+        for edge in self.scene.coarser(configuration) {
             let sized = self.sized.as_ref().expect("kept where there are coarser meshes").at(edge);
             let mut coarse = Prepared::of(sized, &mut |_| ())?;
             coarse.controlled.clone_from(&self.controlled);

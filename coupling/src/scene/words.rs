@@ -4,7 +4,7 @@ use fem::scene::ContactMode;
 use mesher::part::is_strands;
 
 use super::{Fibres, Scene, StressFree};
-use crate::configuration::PerConfiguration;
+use crate::configuration::{Configuration, PerConfiguration};
 use crate::number::short;
 use crate::thigh::build::Thigh;
 use crate::thigh::lines::lines_of_muscles;
@@ -57,11 +57,18 @@ impl Scene {
         });
         let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
         let in_grids = self.fidelity.in_words();
+        let coarser = self.coarser(Configuration::WithoutContact);
+        let coarser: Vec<String> = coarser.iter().map(|edge| short(edge * 1e3)).collect();
+        let coarser = match coarser.is_empty() {
+            true => "none: solver.nested_from_mm is less than twice the resolution".into(),
+            false => format!("{} mm, without contact", coarser.join(" and ")),
+        };
         let of_thigh = |(label, _): &(&str, String)| match *label {
             "Trial" | "Thigh" | "Steps" => true,
             "Inset of the muscles" => self.deformable && self.inset > 0.0,
             "Activations" => self.deformable && self.controller.is_some(),
             "Muscles in grids" => self.deformable && in_grids.is_some(),
+            "Coarser meshes first" => self.deformable && self.nested_from.is_some(),
             _ => self.deformable,
         };
         [
@@ -73,6 +80,7 @@ impl Scene {
                 "Inset of the muscles",
                 format!("by up to {} mm, a third of thickness and width left", short(self.inset * 1e3)),
             ),
+            ("Coarser meshes first", coarser),
             ("Muscles in grids", in_grids.clone().unwrap_or_default()),
             (
                 "Residual",

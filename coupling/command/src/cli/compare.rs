@@ -200,7 +200,7 @@ const TWO_WAY: &str = "two-way";
 fn stages(scene: &Scene, asked: PerConfiguration<bool>, two_way: bool) -> Vec<String> {
     let fibres = scene.fibres != Fibres::None;
     let solved = |c: Configuration| {
-        let coarser = scene.coarser().into_iter().map(move |edge| coarse_stage(c, edge));
+        let coarser = scene.coarser(c).into_iter().map(move |edge| coarse_stage(c, edge));
         coarser.chain([c.name().to_string()])
     };
     let mut names = vec![STAGES[0].to_string()];
