@@ -30,8 +30,8 @@ pub struct LoadedIsland {
     anchor: Vec<f64>,
     /// What belongs to the island as a whole.
     terms: Vec<Box<dyn IslandTerm>>,
-    /// From where the predictor takes the free nodes in one go to where a guess has them at the end \[m\]; empty where there is no guess.
-    ahead: Vec<[f64; 3]>,
+    /// Where a guess has the free nodes at the end \[m\], `None` where it knows nothing; empty where there is no guess.
+    guess: Vec<Option<[f64; 3]>>,
     /// Fraction of the way of the present load.
     now: f64,
 }
@@ -44,7 +44,7 @@ impl LoadedIsland {
         let load = start.clone();
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
         let terms = island.terms();
-        LoadedIsland { island, load, start, end, x, anchor, terms, ahead: Vec::new(), now: 0.0 }
+        LoadedIsland { island, load, start, end, x, anchor, terms, guess: Vec::new(), now: 0.0 }
     }
 
     /// The same with one more term.
@@ -54,40 +54,29 @@ impl LoadedIsland {
     }
 
     /// The same with a guess of where the way leads: displacements \[m\] of the local nodes, `None` where nothing is known; `x` are the
-    /// positions \[m\] of the free nodes at the start.
+    /// positions \[m\] of the free nodes at the start. Surfaces that are kept apart are not led: where they touch on a coarse mesh they
+    /// overlap on a fine one, and to part them takes longer than to go there anew.
     pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
-        let mut moved = x.to_vec();
-        self.carry(self.led_in(), &mut moved);
-        let places = x.as_chunks::<3>().0.iter().zip(moved.as_chunks::<3>().0);
-        let beyond = |(&n, (x, moved)): (&u32, (&[f64; 3], &[f64; 3]))| match way[n as usize] {
-            Some(way) => std::array::from_fn(|c| x[c] + way[c] - moved[c]),
-            None => [0.0; 3],
-        };
-        self.ahead = self.island.free_nodes.iter().zip(places).map(beyond).collect();
+        if self.terms.iter().any(|term| term.keeps_apart()) {
+            return self;
+        }
+        let places = self.island.free_nodes.iter().zip(x.as_chunks::<3>().0);
+        let end =
+            |(&n, x): (&u32, &[f64; 3])| way[n as usize].map(|way| std::array::from_fn(|c| x[c] + way[c]));
+        self.guess = places.map(end).collect();
         self
     }
 
     /// Positions \[m\] of all local nodes at the end, the free ones where what is prescribed takes them from `x` by itself.
     pub fn carried(mut self, x: &[f64]) -> Vec<f64> {
         let mut x = x.to_vec();
-        let n = self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.start, &self.end));
-        self.carry(n, &mut x);
+        if let Some(predictor) = self.predictor() {
+            let n = predictor.n_pieces(&self.start, &self.end);
+            let at = |k: usize| self.load_at(k as f64 / n as f64);
+            (0..n).for_each(|k| predictor.predict(&at(k), &at(k + 1), &mut x));
+        }
         self.set_load(1.0, &mut x);
         self.expand(&x)
-    }
-
-    /// Takes the free nodes at `x` from start to end by the predictor, in pieces.
-    fn carry(&self, pieces: usize, x: &mut [f64]) {
-        let Some(predictor) = self.predictor() else { return };
-        let at = |k: usize| self.load_at(k as f64 / pieces as f64);
-        (0..pieces).for_each(|k| predictor.predict(&at(k), &at(k + 1), x));
-    }
-
-    /// In how many pieces to go to a guess: at once where nobody can be met on the way.
-    fn led_in(&self) -> usize {
-        let in_pieces = self.terms.iter().any(|term| term.keeps_apart());
-        let predictor = self.predictor().filter(|_| in_pieces);
-        predictor.map_or(1, |predictor| predictor.n_pieces(&self.start, &self.end).max(1))
     }
 
     /// The island.
@@ -506,8 +495,8 @@ impl Loading for LoadedIsland {
         if !may || !self.island.bodies.is_empty() {
             return 0;
         }
-        match (self.ahead.is_empty(), self.displaces(t)) {
-            (false, _) => self.led_in(),
+        match (self.guess.is_empty(), self.displaces(t)) {
+            (false, _) => 1, // nobody can be met on the way
             (true, false) => 0,
             (true, true) => {
                 self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t)))
@@ -516,7 +505,7 @@ impl Loading for LoadedIsland {
     }
 
     fn forget_guess(&mut self) {
-        self.ahead.clear();
+        self.guess.clear();
     }
 
     fn soften(&mut self, softness: f64) -> bool {
@@ -544,11 +533,20 @@ impl Loading for LoadedIsland {
 
     fn predict(&mut self, t: f64, x: &mut [f64]) {
         let to = self.load_at(t);
+        // What a guess adds to where the predictor goes by itself is added evenly on the way, so that it is reached however long the pieces are.
+        let mut alone = if self.guess.is_empty() { Vec::new() } else { x.to_vec() };
         if let Some(predictor) = self.predictor() {
             predictor.predict(&self.load, &to, x);
+            if !alone.is_empty() {
+                predictor.predict(&self.load, &self.end, &mut alone);
+            }
         }
-        for (x, ahead) in x.as_chunks_mut::<3>().0.iter_mut().zip(&self.ahead) {
-            (0..3).for_each(|c| x[c] += (t - self.now) * ahead[c]);
+        let fraction = if self.now < 1.0 { (t - self.now) / (1.0 - self.now) } else { 0.0 };
+        let places = x.as_chunks_mut::<3>().0.iter_mut().zip(alone.as_chunks::<3>().0);
+        for ((x, alone), guess) in places.zip(&self.guess) {
+            if let Some(guess) = guess {
+                (0..3).for_each(|c| x[c] += fraction * (guess[c] - alone[c]));
+            }
         }
         self.set_load(t, x);
     }

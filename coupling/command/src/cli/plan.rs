@@ -109,10 +109,11 @@ fn print(
     }
     let Expected { elements, nodes, meshing, memory_mib, .. } = expected;
     writeln!(w, "\nwork: {elements} elements, {nodes} nodes, meshed in about {meshing:.0} s")?;
+    let width = expected.stages.iter().map(|stage| stage.name.chars().count()).fold(18, usize::max);
     for Stage { name, work, seconds, .. } in &expected.stages {
         writeln!(
             w,
-            "  {name:<18}{:>9} unknowns in {:>2} islands, {:>6.1} million entries of factors, about {seconds:.0} s",
+            "  {name:<width$}{:>9} unknowns in {:>2} islands, {:>6.1} million entries of factors, about {seconds:.0} s",
             work.unknowns,
             work.islands,
             work.factors as f64 * 1e-6,
