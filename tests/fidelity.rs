@@ -74,6 +74,8 @@ fn mistakes_are_named_all_at_once() {
     ] {
         assert!(said.contains(wanted), "{wanted} in {said}");
     }
+    let said = parse("[accuracy]\nstrict_steps = 5\n[solver]\nnested_from_mm = 20.0\n").unwrap_err();
+    assert!(said.contains("line 4: `solver.nested_from_mm` is 20 with accuracy.strict_steps"), "{said}");
     // What only the mesh can tell: cubes that are too small or too large, before anything is solved.
     let folder = tempfile::tempdir().unwrap();
     for (cell, wanted) in [(6.0, "twice the edge"), (500.0, "larger than the region")] {

@@ -14,7 +14,7 @@ use serde_json::Value;
 use support::results::{files, files_without_times};
 use support::{Random, program, sartorius};
 
-const SCENE: &str = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 18.0\nstress_free = \"heel_strike\"\n";
+const SCENE: &str = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 10.0\nstress_free = \"heel_strike\"\n[solver]\nnested_from_mm = 20.0\n";
 
 fn arguments(out: &str) -> Vec<&str> {
     vec!["compare", "scene.toml", "--contact", "both", "--out", out]

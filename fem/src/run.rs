@@ -245,6 +245,10 @@ impl<'a> Session<'a> {
             Ok(()) if inertia.is_some() && !(h > 0.0 && h.is_finite()) => {
                 Some(SolveError::NoTime { step, from: self.time, to: to.time })
             }
+            Ok(()) if !way.is_empty() => {
+                count("guess of the way", way.len(), self.plan.mesh.points.len(), "one displacement per node")
+                    .err()
+            }
             Ok(()) => None,
         };
         if let Some(error) = refused {

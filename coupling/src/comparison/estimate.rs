@@ -8,7 +8,7 @@ use fem::plan::{LoadedIsland, Plan};
 use fem::solve::{Analysis, Pattern, Potential};
 use rayon::prelude::*;
 
-use crate::comparison::{STAGES, Sized, coarse_stage};
+use crate::comparison::{STAGES, Sized, coarse_stages};
 use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::scene::{Fibres, Scene};
@@ -54,7 +54,7 @@ pub struct Expected {
 /// A stage that solves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
-    /// One of [`STAGES`], or a [coarser mesh](super::coarse_stage).
+    /// One of [`STAGES`], or of a [coarser mesh](super::coarse_stages).
     pub name: String,
     /// What one factorization takes.
     pub work: Work,
@@ -119,22 +119,29 @@ impl Expected {
     ) -> Expected {
         let mut counted = Expected::of(scene, thigh, works, iteration);
         let coarser = self.stages.into_iter().filter(|s| counted.stages.iter().all(|own| own.name != s.name));
-        for stage in coarser.collect::<Vec<_>>() {
-            let place =
-                counted.stages.iter().position(|own| stage.name.starts_with(&format!("{},", own.name)));
-            counted.stages.insert(place.unwrap_or(counted.stages.len()), stage);
-        }
+        let coarser: Vec<Stage> = coarser.collect();
+        let led = Configuration::ALL.iter().find(|c| !scene.coarser(**c).is_empty());
+        let place = counted.stages.iter().position(|own| led.is_some_and(|c| own.name == c.name()));
+        let place = place.unwrap_or(counted.stages.len());
+        counted.stages.splice(place..place, coarser);
         counted
     }
 
     /// The same after a configuration was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`.
     fn after(mut self, coarse: Expected, c: Configuration, edge: f64) -> Expected {
-        let beforehand = coarse.meshing + coarse.of_stage(STAGES[2]);
         let place = self.stages.iter().position(|stage| stage.name == c.name());
-        let solved = coarse.stages.iter().find(|stage| stage.name == c.name());
-        if let (Some(place), Some(solved)) = (place, solved) {
-            let (name, seconds) = (coarse_stage(c, edge), beforehand + solved.seconds);
-            self.stages.insert(place, Stage { name, seconds, ..solved.clone() });
+        let [beforehand, solved] = coarse_stages(c, edge);
+        let mut meshing = coarse.meshing;
+        let mut own = Vec::new();
+        for (of, name) in [(STAGES[2], beforehand), (c.name(), solved)] {
+            // A mesh without fibres is made and solved in one go.
+            if let Some(stage) = coarse.stages.iter().find(|stage| stage.name == of) {
+                let seconds = std::mem::take(&mut meshing) + stage.seconds;
+                own.push(Stage { name, seconds, ..stage.clone() });
+            }
+        }
+        if let Some(place) = place {
+            self.stages.splice(place..place, own);
         }
         self
     }

@@ -70,9 +70,10 @@ pub const STAGES: [&str; 5] = [
     Configuration::WithContact.name(),
 ];
 
-/// Name of the stage that solves a configuration on a [coarser mesh](Scene::coarser) with edges of this length \[m\].
-pub fn coarse_stage(configuration: Configuration, edge: f64) -> String {
-    format!("{}, {} mm", configuration.name(), short(1e3 * edge))
+/// Names of the stages of a [coarser mesh](Scene::coarser) with edges of this length \[m\] in a configuration: it is made, and calibrated where
+/// there are fibres; it is solved.
+pub fn coarse_stages(configuration: Configuration, edge: f64) -> [String; 2] {
+    [STAGES[2], configuration.name()].map(|name| format!("{name}, {} mm", short(1e3 * edge)))
 }
 
 /// A scene with everything but the solution.
@@ -123,6 +124,17 @@ pub struct Comparison {
     pub solutions: PerConfiguration<Option<Solution>>,
     /// What stood there before two-way coupling.
     pub one_way: Option<OneWay>,
+    /// Coarser meshes that did not show the way to the end, and why.
+    pub not_led: Vec<String>,
+}
+
+/// What the coarser meshes of a configuration came to.
+#[derive(Default)]
+struct Coarser {
+    /// The last that was solved: it leads.
+    last: Option<(Plan, Run)>,
+    /// What went wrong, a sentence each.
+    wrong: Vec<String>,
 }
 
 /// The one-way result beside a two-way one.
@@ -398,6 +410,7 @@ impl Prepared {
             steps: self.steps.clone(),
             solutions: PerConfiguration::default(),
             one_way: None,
+            not_led: Vec::new(),
         };
         let PerConfiguration { without, with } = plans;
         for (c, plan) in Configuration::ALL.into_iter().zip([without, with]) {
@@ -408,8 +421,9 @@ impl Prepared {
             let coarser = self.scene.coarser(c);
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings, &coarser);
             let restart = Restart { key: &key, resume };
-            let coarse = self.coarser(c, folder, lap)?;
-            let led = coarse.as_ref().map(|(coarse, run)| CoarseRun::new(coarse, &run.frames, &plan));
+            let Coarser { last, wrong } = self.coarser(c, folder, lap);
+            comparison.not_led.extend(wrong);
+            let led = last.as_ref().map(|(coarse, run)| CoarseRun::new(coarse, &run.frames, &plan));
             let led = led.as_ref();
             let folder = folder.join(c.folder());
             let bones = self.made.as_ref().map_or(&[][..], |made| &made.bones);
@@ -426,33 +440,52 @@ impl Prepared {
         Ok(comparison)
     }
 
-    /// The steps on the last of the [coarser meshes](Scene::coarser), each of which was led by the one before; `None` where none is asked for.
-    /// They are not written; a run that is resumed solves them again. Calibrations are kept beside `folder`. `lap` is called as each ends.
-    fn coarser(
+    /// The steps on the [coarser meshes](Scene::coarser), each of which is led by the one before; one that cannot be solved leads nowhere, and
+    /// the others do. They are not written; a run that is resumed solves them again. Calibrations are kept beside `folder`. `lap` is called
+    /// as each [stage](coarse_stages) ends.
+    fn coarser(&self, configuration: Configuration, folder: &Path, lap: &mut dyn FnMut(&str)) -> Coarser {
+        let mut all = Coarser::default();
+        for edge in self.scene.coarser(configuration) {
+            let [_, stage] = coarse_stages(configuration, edge);
+            let error = match self.solve_coarse(configuration, edge, all.last.as_ref(), folder, lap) {
+                Ok((plan, run)) => {
+                    let error = run.errors.first().map(ToString::to_string);
+                    all.last = Some((plan, run));
+                    error
+                }
+                Err(error) => Some(error.to_string()),
+            };
+            lap(&stage);
+            if let Some(error) = error {
+                let sentence = format!("{stage}: {error}; from there on this mesh shows no way");
+                crate::say!("note: {sentence}");
+                all.wrong.push(sentence);
+            }
+        }
+        all
+    }
+
+    /// The steps on a mesh with edges of `edge` \[m\], led by one that was solved before.
+    fn solve_coarse(
         &self,
         configuration: Configuration,
+        edge: f64,
+        before: Option<&(Plan, Run)>,
         folder: &Path,
         lap: &mut dyn FnMut(&str),
-    ) -> Result<Option<(Plan, Run)>, CouplingError> {
-        let mut last: Option<(Plan, Run)> = None;
-        for edge in self.scene.coarser(configuration) {
-            let sized = self.sized.as_ref().expect("kept where there are coarser meshes").at(edge);
-            let mut coarse = Prepared::of(sized, &mut |_| ())?;
-            coarse.controlled.clone_from(&self.controlled);
-            let asked = PerConfiguration::of(|c| c == configuration);
-            let Ready { thigh, controls, mut plans, .. } = coarse.calibrate(asked, folder, &mut |_| ())?;
-            let plan = plans[configuration].take().expect("asked for");
-            let way = drive(&plan, &thigh, &controls, &self.steps, self.scene.stress_free)?;
-            let led = last.as_ref().map(|(coarse, run)| CoarseRun::new(coarse, &run.frames, &plan));
-            let run = run_led(&plan, &way, &settings_of(&coarse.scene, configuration), led.as_ref());
-            let stage = coarse_stage(configuration, edge);
-            for error in &run.errors {
-                crate::say!("{stage}: {error}; from there on it shows no way");
-            }
-            lap(&stage);
-            last = Some((plan, run));
-        }
-        Ok(last)
+    ) -> Result<(Plan, Run), CouplingError> {
+        let sized = self.sized.as_ref().expect("kept where there are coarser meshes").at(edge);
+        let mut coarse = Prepared::of(sized, &mut |_| ())?;
+        coarse.controlled.clone_from(&self.controlled);
+        coarse.steps.clone_from(&self.steps);
+        let asked = PerConfiguration::of(|c| c == configuration);
+        let ready = coarse.calibrate(asked, folder, &mut |_| lap(&coarse_stages(configuration, edge)[0]));
+        let Ready { thigh, controls, mut plans, .. } = ready?;
+        let plan = plans[configuration].take().expect("asked for");
+        let way = drive(&plan, &thigh, &controls, &self.steps, self.scene.stress_free)?;
+        let led = before.map(|(coarse, run)| CoarseRun::new(coarse, &run.frames, &plan));
+        let run = run_led(&plan, &way, &settings_of(&coarse.scene, configuration), led.as_ref());
+        Ok((plan, run))
     }
 
     /// Two-way coupling from the one-way result in a configuration, `most` passes at most. Needs Hill fibres and all steps solved.

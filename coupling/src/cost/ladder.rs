@@ -12,6 +12,7 @@ use multibody::shipped::{self, Kind};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
+use crate::configuration::Configuration;
 use crate::scene::{KEYS as SCENE_KEYS, Scene, TomlKind, wanted};
 use crate::source::Source;
 
@@ -374,9 +375,15 @@ pub fn changed(
 
 /// Whether two scenes are carried out to the same bytes.
 fn is_same(a: &Scene, b: &Scene) -> bool {
-    let plain =
-        |scene: &Scene| Scene { name: String::new(), text: String::new(), folder: None, ..scene.clone() };
-    plain(a) == plain(b)
+    let plain = |scene: &Scene| Scene {
+        name: String::new(),
+        text: String::new(),
+        folder: None,
+        nested_from: None,
+        ..scene.clone()
+    };
+    let coarser = |scene: &Scene| Configuration::ALL.map(|c| scene.coarser(c));
+    plain(a) == plain(b) && coarser(a) == coarser(b)
 }
 
 /// A value as a person would say it.

@@ -384,6 +384,12 @@ impl SceneFile {
             let value = format!("{} with level = \"embedded\"", edge.get_ref());
             wrong.note(at.bad(line, "solver.nested_from_mm", value, remedy));
         }
+        if let (Some(edge), Some(_)) = (nested, accuracy.strict_steps) {
+            let remedy =
+                "steps by collision detection alone take no way from elsewhere: take one of the two out";
+            let value = format!("{} with accuracy.strict_steps", edge.get_ref());
+            wrong.note(at.bad(at.line(edge.span().start), "solver.nested_from_mm", value, remedy));
+        }
         let newton_only = [
             ("solver.nested_from_mm", nested.is_some()),
             ("accuracy.check_stability", accuracy.check_stability == Some(true)),

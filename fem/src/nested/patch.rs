@@ -33,7 +33,8 @@ pub(super) fn unfold(mesh: &Mesh, start: &[f64], is_free: &[bool], x: &mut [f64]
         let near = within(mesh, &cells, rings);
         let moves: Vec<bool> = near.iter().zip(is_free).map(|(near, free)| *near && *free).collect();
         for epsilon in EPSILONS {
-            Patches::new(mesh, &near, &moves, x, epsilon).shape(&moves, x);
+            let Some(patches) = Patches::new(mesh, &near, &moves, x, epsilon) else { return };
+            patches.shape(&moves, x);
             if folded(mesh, start, x).is_empty() {
                 return;
             }
@@ -88,8 +89,8 @@ struct Patches {
 }
 
 impl Patches {
-    /// Of the cells that have a node that is `near`; nodes that do not move are displaced to `x` \[m\].
-    fn new(mesh: &Mesh, near: &[bool], moves: &[bool], x: &[f64], epsilon: f64) -> Patches {
+    /// Of the cells that have a node that is `near`; nodes that do not move are displaced to `x` \[m\]. `None` where all move.
+    fn new(mesh: &Mesh, near: &[bool], moves: &[bool], x: &[f64], epsilon: f64) -> Option<Patches> {
         let mut nodes = Vec::new();
         let mut known = BTreeMap::new();
         let mut small = Mesh::default();
@@ -107,6 +108,9 @@ impl Patches {
         }
         small.blocks = blocks.into_values().collect();
         let rim: Vec<u32> = (0..nodes.len() as u32).filter(|&s| !moves[nodes[s as usize] as usize]).collect();
+        if rim.is_empty() {
+            return None;
+        }
         let displaced = |&s: &u32| {
             let n = nodes[s as usize] as usize;
             std::array::from_fn(|c| x[3 * n + c] - mesh.points[n][c])
@@ -128,7 +132,7 @@ impl Patches {
             ..Scene::default()
         };
         let plan = Plan::new(&scene, small).expect("cells of a mesh that has a plan");
-        Patches { plan, nodes }
+        Some(Patches { plan, nodes })
     }
 
     /// Puts the nodes that move to where they come to rest.

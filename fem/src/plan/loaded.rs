@@ -57,7 +57,8 @@ impl LoadedIsland {
     /// positions \[m\] of the free nodes at the start. Surfaces that are kept apart are not led: where they touch on a coarse mesh they
     /// overlap on a fine one, and to part them takes longer than to go there anew.
     pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
-        if self.terms.iter().any(|term| term.keeps_apart()) {
+        let is_known = self.island.free_nodes.iter().any(|&n| way[n as usize].is_some());
+        if !is_known || self.terms.iter().any(|term| term.keeps_apart()) {
             return self;
         }
         let places = self.island.free_nodes.iter().zip(x.as_chunks::<3>().0);
@@ -504,8 +505,8 @@ impl Loading for LoadedIsland {
         }
     }
 
-    fn forget_guess(&mut self) {
-        self.guess.clear();
+    fn forget_guess(&mut self) -> bool {
+        !std::mem::take(&mut self.guess).is_empty()
     }
 
     fn soften(&mut self, softness: f64) -> bool {

@@ -374,6 +374,10 @@ impl Run<'_> {
                 continue;
             }
             potential.set_load(reached, x);
+            // A guess that cannot be gone to at once is none.
+            if potential.forget_guess() {
+                return self.predict_kinematic(potential, x, t, target);
+            }
             length /= 2.0;
             if length < (target - t) / (8 * n) as f64 {
                 break;

@@ -129,8 +129,10 @@ pub trait Loading: Potential + Admissible {
         0
     }
 
-    /// What was guessed of the way led astray.
-    fn forget_guess(&mut self) {}
+    /// What was guessed of the way led astray; returns whether there was a guess.
+    fn forget_guess(&mut self) -> bool {
+        false
+    }
 
     /// Softens what keeps surfaces apart below the fraction `softness` of the distance at which it begins, so that they may penetrate each
     /// other on the way to a guess; 0: it is itself again. Returns whether it can.

@@ -18,7 +18,7 @@ use crate::output::run::{RunRecord, RunStatus, Size};
 use crate::report::compare::CompareReport;
 use coupling::comparison::compare::MuscleForce;
 use coupling::comparison::explain::{write_calibration, write_factors};
-use coupling::comparison::{Comparison, Prepared, STAGES, Sized, coarse_stage};
+use coupling::comparison::{Comparison, Prepared, STAGES, Sized, coarse_stages};
 use coupling::configuration::{Configuration, PerConfiguration};
 use coupling::number::{plain, short};
 use coupling::scene::StressFree;
@@ -200,7 +200,10 @@ const TWO_WAY: &str = "two-way";
 fn stages(scene: &Scene, asked: PerConfiguration<bool>, two_way: bool) -> Vec<String> {
     let fibres = scene.fibres != Fibres::None;
     let solved = |c: Configuration| {
-        let coarser = scene.coarser(c).into_iter().map(move |edge| coarse_stage(c, edge));
+        let coarser = scene.coarser(c).into_iter().flat_map(move |edge| {
+            let [calibrated, solved] = coarse_stages(c, edge);
+            fibres.then_some(calibrated).into_iter().chain([solved])
+        });
         coarser.chain([c.name().to_string()])
     };
     let mut names = vec![STAGES[0].to_string()];
@@ -281,6 +284,13 @@ pub(super) fn carry_out(
         ));
     }
     let mut notes = notes(&prepared, &comparison);
+    let is_led = |c: Configuration| asked[c] && !prepared.scene.coarser(c).is_empty();
+    if prepared.scene.deformable
+        && prepared.scene.nested_from.is_some()
+        && !Configuration::ALL.into_iter().any(is_led)
+    {
+        notes.push("solver.nested_from_mm led nothing here: coarser meshes show the way without contact only, from twice the edges on".into());
+    }
     let mut unsettled = unsettled;
     if let Some(accuracy) = accuracy {
         let (note, missed) =
@@ -361,6 +371,7 @@ fn controlled(prepared: &Prepared, unit: &Path) -> Result<Vec<Vec<f64>>, Command
 /// What the reader must know: doubts about the trial, warnings about the mesh.
 fn notes(prepared: &Prepared, comparison: &Comparison) -> Vec<String> {
     let mut notes = prepared.done.case.doubts.clone();
+    notes.extend(comparison.not_led.iter().cloned());
     for warning in comparison.solutions.present().flat_map(|(_, done)| &done.plan.warnings) {
         let warning = warning.to_string();
         // Both configurations have the same mesh.

@@ -229,7 +229,9 @@ fn found(folder: &Path) -> Option<Ending> {
     }
     let numbers = read_numbers(&folder.join("quantities.csv")).ok()?;
     let stages: BTreeMap<String, f64> = serde_json::from_value(run["seconds"].clone()).ok()?;
-    let calibration = stages.get(STAGES[2]).copied().unwrap_or(0.0);
+    // Those of coarser meshes are named after it.
+    let calibrations = stages.iter().filter(|(name, _)| name.starts_with(STAGES[2]));
+    let calibration: f64 = calibrations.map(|(_, seconds)| seconds).sum();
     let count = |key: &str| run["size"][key].as_u64().unwrap_or(0) as usize;
     let taken = Taken {
         elements: count("elements"),
