@@ -13,10 +13,10 @@
 
 use crate::mesh::MeshError;
 use crate::mesh::format::{pvd::PvdWriter, write_whole};
-use crate::nested::CoarseRun;
+use crate::nested::{CoarseRun, advance_led};
 use crate::parts::{Beside, PARTS, parts};
 use crate::plan::Plan;
-use crate::run::{Advanced, Drive, Frame, Run, Session, Step, run_steps};
+use crate::run::{Drive, Frame, Run, Step, run_steps};
 use crate::solve::{IterationLog, Motion, Settings, SolveError};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -106,33 +106,23 @@ pub fn run_restartable(
         run.taken_over += usize::from(resuming);
         let done = match stored {
             Some(done) => done,
-            None => {
-                let last = run.frames.last();
-                let session = Session::after(plan, settings, last, k);
-                let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, last, k, &to.load));
-                match session {
-                    Ok(mut session) => session.advance_along(to, &way),
-                    Err(error) => {
-                        run.errors = vec![error];
-                        break;
-                    }
+            None => match advance_led(plan, settings, run.frames.last(), k, to, led) {
+                Ok(done) => done,
+                Err(error) => {
+                    run.errors = vec![error];
+                    break;
                 }
-            }
+            },
         };
         files
             .write(plan, &Step { frame: &done.frame, iterations: &done.iterations, errors: &done.errors })?;
         if done.errors.is_empty() && !resuming {
             crate::restart::save(folder, name, restart.key, k, &done)?;
         }
-        let Advanced { frame, errors, iterations } = done;
-        run.iterations.extend(iterations);
-        if !errors.is_empty() {
-            run.errors = errors;
-            run.unsolved = Some(frame);
+        if !run.take(done) {
             break;
         }
-        on_frame(&frame);
-        run.frames.push(frame);
+        run.frames.last().into_iter().for_each(&mut *on_frame);
     }
     files.finish(plan, drive, &run)?;
     Ok(run)

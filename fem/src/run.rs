@@ -89,6 +89,18 @@ pub struct Run {
 }
 
 impl Run {
+    /// Adds what a step came to; returns whether it was solved, without which the run is over.
+    pub(crate) fn take(&mut self, done: Advanced) -> bool {
+        let Advanced { frame, errors, iterations } = done;
+        self.iterations.extend(iterations);
+        self.errors = errors;
+        match self.is_solved() {
+            true => self.frames.push(frame),
+            false => self.unsolved = Some(frame),
+        }
+        self.is_solved()
+    }
+
     /// Whether every frame is in equilibrium.
     pub fn is_solved(&self) -> bool {
         self.errors.is_empty()
@@ -213,19 +225,6 @@ impl<'a> Session<'a> {
         let mut v = frame.v.clone();
         v.resize(plan.inertia.as_ref().map_or(0, |i| i.velocities.len()), 0.0);
         Ok(Session { from, v, time, step: step + 1, ..Session::new(plan, settings, Some(&frame.x))? })
-    }
-
-    /// Before the `step`-th frame of a run: at the frame before, or at the mesh as read.
-    pub(crate) fn after(
-        plan: &'a Plan,
-        settings: &Settings,
-        last: Option<&Frame>,
-        step: usize,
-    ) -> Result<Session<'a>, SolveError> {
-        match last {
-            None => Session::new(plan, settings, None),
-            Some(frame) => Session::from_frame(plan, settings, frame, step - 1),
-        }
     }
 
     /// Goes from where it is to the equilibrium under `to.load`, or with inertia to where that takes it by `to.time`. Where that fails the
@@ -489,16 +488,9 @@ pub fn run_steps(
         Err(error) => return Run { errors: vec![error], ..out },
     };
     for to in &drive.frames {
-        let Advanced { frame, errors, iterations } = session.advance(to);
-        let flow = on_step(&Step { frame: &frame, iterations: &iterations, errors: &errors });
-        out.iterations.extend(iterations);
-        if !errors.is_empty() {
-            out.errors = errors;
-            out.unsolved = Some(frame);
-            return out;
-        }
-        out.frames.push(frame);
-        if flow.is_break() {
+        let done = session.advance(to);
+        let flow = on_step(&Step { frame: &done.frame, iterations: &done.iterations, errors: &done.errors });
+        if !out.take(done) || flow.is_break() {
             return out;
         }
     }

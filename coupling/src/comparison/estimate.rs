@@ -117,14 +117,10 @@ impl Expected {
         works: PerConfiguration<Option<Work>>,
         iteration: Option<f64>,
     ) -> Expected {
-        let mut counted = Expected::of(scene, thigh, works, iteration);
-        let coarser = self.stages.into_iter().filter(|s| counted.stages.iter().all(|own| own.name != s.name));
-        let coarser: Vec<Stage> = coarser.collect();
-        let led = Configuration::ALL.iter().find(|c| !scene.coarser(**c).is_empty());
-        let place = counted.stages.iter().position(|own| led.is_some_and(|c| own.name == c.name()));
-        let place = place.unwrap_or(counted.stages.len());
-        counted.stages.splice(place..place, coarser);
-        counted
+        let counted = Expected::of(scene, thigh, works, iteration);
+        let of = |name: &str| counted.stages.iter().find(|stage| stage.name == name).cloned();
+        let stages = self.stages.into_iter().map(|stage| of(&stage.name).unwrap_or(stage)).collect();
+        Expected { stages, ..counted }
     }
 
     /// The same after a configuration was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`.

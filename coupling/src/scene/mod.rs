@@ -307,8 +307,7 @@ impl Scene {
     }
 
     /// Edges \[m\] of the coarser meshes that are solved first in a configuration, from coarse to fine: 2, 4, ... times that of the scene, up
-    /// to [`nested_from`](Scene::nested_from). None with contact: surfaces that touch on a coarse mesh overlap on a fine one, and parting
-    /// them takes three times as long as starting anew (6 mm from 12 mm).
+    /// to [`nested_from`](Scene::nested_from). None with contact, where [nothing is led](fem::plan::LoadedIsland::led_by).
     pub fn coarser(&self, configuration: Configuration) -> Vec<f64> {
         let led = self.nested_from.filter(|_| configuration == Configuration::WithoutContact);
         let most = led.unwrap_or(0.0) * (1.0 + 1e-9);

@@ -11,8 +11,8 @@ mod patch;
 
 use crate::mesh::Prolongation;
 use crate::plan::{Load, LoadedIsland, Motion, Plan};
-use crate::run::{Drive, Frame, Run, Session};
-use crate::solve::Settings;
+use crate::run::{Advanced, Drive, DriveFrame, Frame, Run, Session};
+use crate::solve::{Settings, SolveError};
 
 /// A run on a coarse mesh that leads one on a fine mesh.
 pub struct CoarseRun<'a> {
@@ -52,31 +52,37 @@ impl<'a> CoarseRun<'a> {
     }
 }
 
-/// Carries a plan along a drive, `led` by a coarse run where there is one; stops at the first frame that is not solved. Every frame has new
-/// solvers, as in [`run_restartable`](crate::output::run_restartable).
+/// Carries a plan along a drive, `led` by a coarse run where there is one; stops at the first frame that is not solved.
 pub fn run_led(plan: &Plan, drive: &Drive, settings: &Settings, led: Option<&CoarseRun>) -> Run {
     let mut run = Run::default();
     for (k, to) in drive.frames.iter().enumerate() {
-        let last = run.frames.last();
-        let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, last, k, &to.load));
-        let done = Session::after(plan, settings, last, k).map(|mut session| session.advance_along(to, &way));
-        match done {
-            Ok(done) if done.errors.is_empty() => {
-                run.iterations.extend(done.iterations);
-                run.frames.push(done.frame);
-            }
+        match advance_led(plan, settings, run.frames.last(), k, to, led) {
             Ok(done) => {
-                run.errors = done.errors;
-                run.unsolved = Some(done.frame);
-                break;
+                if !run.take(done) {
+                    break;
+                }
             }
-            Err(error) => {
-                run.errors = vec![error];
-                break;
-            }
+            Err(error) => return Run { errors: vec![error], ..run },
         }
     }
     run
+}
+
+/// Solves the `k`-th frame of a drive from the one before, or from the mesh, with new solvers.
+pub(crate) fn advance_led(
+    plan: &Plan,
+    settings: &Settings,
+    last: Option<&Frame>,
+    k: usize,
+    to: &DriveFrame,
+    led: Option<&CoarseRun>,
+) -> Result<Advanced, SolveError> {
+    let mut session = match last {
+        None => Session::new(plan, settings, None)?,
+        Some(frame) => Session::from_frame(plan, settings, frame, k - 1)?,
+    };
+    let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, last, k, &to.load));
+    Ok(session.advance_along(to, &way))
 }
 
 /// Positions \[m\] of all nodes where what is prescribed takes them from `x` by itself.

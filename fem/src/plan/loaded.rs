@@ -32,8 +32,6 @@ pub struct LoadedIsland {
     terms: Vec<Box<dyn IslandTerm>>,
     /// Where a guess has the free nodes at the end \[m\], `None` where it knows nothing; empty where there is no guess.
     guess: Vec<Option<[f64; 3]>>,
-    /// Fraction of the way of the present load.
-    now: f64,
 }
 
 impl LoadedIsland {
@@ -44,7 +42,7 @@ impl LoadedIsland {
         let load = start.clone();
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
         let terms = island.terms();
-        LoadedIsland { island, load, start, end, x, anchor, terms, guess: Vec::new(), now: 0.0 }
+        LoadedIsland { island, load, start, end, x, anchor, terms, guess: Vec::new() }
     }
 
     /// The same with one more term.
@@ -55,7 +53,7 @@ impl LoadedIsland {
 
     /// The same with a guess of where the way leads: displacements \[m\] of the local nodes, `None` where nothing is known; `x` are the
     /// positions \[m\] of the free nodes at the start. Surfaces that are kept apart are not led: where they touch on a coarse mesh they
-    /// overlap on a fine one, and to part them takes longer than to go there anew.
+    /// overlap on a fine one, and what a guess saves is spent on parting them.
     pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
         let is_known = self.island.free_nodes.iter().any(|&n| way[n as usize].is_some());
         if !is_known || self.terms.iter().any(|term| term.keeps_apart()) {
@@ -454,6 +452,11 @@ impl LoadedIsland {
         island.predictor.get().expect("it is there").as_ref()
     }
 
+    /// Whether places at the load `t` are guessed: those of the end are, or none.
+    fn is_guessed(&self, t: f64) -> bool {
+        t == 1.0 && !self.guess.is_empty()
+    }
+
     fn load_at(&self, t: f64) -> Load {
         self.start.towards(&self.end, &self.island.pivots, t)
     }
@@ -462,7 +465,6 @@ impl LoadedIsland {
 impl Loading for LoadedIsland {
     fn set_load(&mut self, t: f64, x: &mut [f64]) {
         self.load = self.load_at(t);
-        self.now = t;
         self.terms.iter_mut().for_each(|term| term.set_load(t));
         self.island.prescribe(&self.load, &mut self.x);
         let full = self.expand(x);
@@ -496,10 +498,10 @@ impl Loading for LoadedIsland {
         if !may || !self.island.bodies.is_empty() {
             return 0;
         }
-        match (self.guess.is_empty(), self.displaces(t)) {
-            (false, _) => 1, // nobody can be met on the way
-            (true, false) => 0,
-            (true, true) => {
+        match (self.is_guessed(t), self.displaces(t)) {
+            (true, _) => 1, // nobody can be met on the way
+            (false, false) => 0,
+            (false, true) => {
                 self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t)))
             }
         }
@@ -534,20 +536,12 @@ impl Loading for LoadedIsland {
 
     fn predict(&mut self, t: f64, x: &mut [f64]) {
         let to = self.load_at(t);
-        // What a guess adds to where the predictor goes by itself is added evenly on the way, so that it is reached however long the pieces are.
-        let mut alone = if self.guess.is_empty() { Vec::new() } else { x.to_vec() };
         if let Some(predictor) = self.predictor() {
             predictor.predict(&self.load, &to, x);
-            if !alone.is_empty() {
-                predictor.predict(&self.load, &self.end, &mut alone);
-            }
         }
-        let fraction = if self.now < 1.0 { (t - self.now) / (1.0 - self.now) } else { 0.0 };
-        let places = x.as_chunks_mut::<3>().0.iter_mut().zip(alone.as_chunks::<3>().0);
-        for ((x, alone), guess) in places.zip(&self.guess) {
-            if let Some(guess) = guess {
-                (0..3).for_each(|c| x[c] += fraction * (guess[c] - alone[c]));
-            }
+        if self.is_guessed(t) {
+            let places = x.as_chunks_mut::<3>().0.iter_mut().zip(&self.guess);
+            places.for_each(|(x, guess)| *x = guess.unwrap_or(*x));
         }
         self.set_load(t, x);
     }
