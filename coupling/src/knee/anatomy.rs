@@ -16,6 +16,7 @@ use multibody::error::Place;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
+use super::shape::Shape;
 use crate::error::CouplingError;
 
 /// Bone of the femur, from the folder of the knee.
@@ -58,7 +59,41 @@ pub struct Spring {
     pub ends: [(Bone, Point3<f64>); 2],
 }
 
-/// A knee as it is in the folder.
+/// What the femur is as a solid.
+#[derive(Clone, Debug)]
+pub enum FemurSolid {
+    /// What its cartilage and its bone enclose, the bone sunk by so much \[m\].
+    Surfaces {
+        /// \[m\].
+        sunk: f64,
+    },
+    /// Made, on the shaft of another femur in the frame of this one.
+    Made {
+        /// Its measures.
+        shape: Shape,
+        /// Closed.
+        shaft: Surface,
+    },
+}
+
+/// How the bellies of the built-in thigh are made to fit a knee: their ends are turned around the shaft to medial \[degrees\], and shifted away
+/// from it by a part of their distance to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BellyFit {
+    /// Degrees.
+    pub turn: f64,
+    /// Part of the distance.
+    pub shift: f64,
+}
+
+/// The knee of the folder is not that of the built-in thigh, whose patella lies 14 mm more to lateral and 15 mm farther back. By search: tendons have
+/// scaled Jacobians from 0.23 up with these, and one is turned over without.
+const OTHER_PERSON: BellyFit = BellyFit { turn: 20.0, shift: 0.5 };
+/// How far \[m\] the bone of the folder, which is another person's, is sunk: so far is it off the subchondral sheet of this knee (root mean square),
+/// and what is not of this knee must not stand out of it.
+const SUNK: f64 = 1.4e-3;
+
+/// A knee as it is in the folder, or made.
 #[derive(Clone, Debug)]
 pub struct KneeAnatomy {
     /// Cartilage of femur and patella: open sheets whose normals look into the joint.
@@ -72,9 +107,13 @@ pub struct KneeAnatomy {
     /// Cartilage of the tibia, medial and lateral.
     pub tibial_cartilage: [Surface; 2],
     /// From the own frame of a bone into that of the surfaces.
-    frames: Frames,
+    pub frames: Frames,
     /// Springs between these bones.
     pub springs: Vec<Spring>,
+    /// The femur as a solid.
+    pub solid: FemurSolid,
+    /// How bellies are made to fit.
+    pub fit: BellyFit,
 }
 
 impl KneeAnatomy {
@@ -96,12 +135,19 @@ impl KneeAnatomy {
             ],
             frames,
             springs,
+            solid: FemurSolid::Surfaces { sunk: SUNK },
+            fit: OTHER_PERSON,
         })
     }
 
     /// From the own frame of a bone into that of the surfaces.
     pub fn frame(&self, bone: Bone) -> Isometry3<f64> {
         self.frames[&bone]
+    }
+
+    /// A surface of a bone where a pose has that bone, given from its own frame.
+    pub fn placed(&self, surface: &Surface, bone: Bone, pose: &Isometry3<f64>) -> Surface {
+        moved(surface, &(pose * self.frame(bone).inverse()))
     }
 
     /// Of the patella in its own frame \[m\]: how far forward the middle of its points is, and how far up and to lateral it goes.
@@ -112,6 +158,12 @@ impl KneeAnatomy {
         let middle = own.iter().map(|p| p.x).sum::<f64>() / own.len() as f64;
         [middle, most(1), most(2)]
     }
+}
+
+/// A surface somewhere else.
+pub fn moved(surface: &Surface, by: &Isometry3<f64>) -> Surface {
+    let points = surface.points.iter().map(|p| (by * Point3::from(*p)).into()).collect();
+    Surface { points, triangles: surface.triangles.clone() }
 }
 
 /// What is read of the model.
@@ -138,7 +190,7 @@ fn malformed(file: &Path, problem: String, remedy: &str) -> InputError {
 }
 
 /// From the own frame of each bone into that of the surfaces.
-type Frames = BTreeMap<Bone, Isometry3<f64>>;
+pub type Frames = BTreeMap<Bone, Isometry3<f64>>;
 
 /// Frames and springs of a model.
 fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError> {

@@ -1,16 +1,18 @@
-//! Deep flexion of a real knee: its surfaces, the poses of its tibia, and the measured poses of its patella, found in a folder of data.
+//! Deep flexion of a knee: its surfaces, the poses of its tibia, and the measured poses of its patella, found in a folder of data, or made.
 
 use std::path::{Path, PathBuf};
 
-use fem::geometry::{SearchSurface, Surface};
+use fem::geometry::SearchSurface;
 use fem::scene::ContactMode;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::anatomy::{Bone, KneeAnatomy};
 use super::flexion::FlexionFrame;
+use super::made::MadeKnee;
 use super::pose::{Coordinates, TibiaPath, read_measured};
 use super::quadriceps::HEADS;
 use super::rigid::{Quadriceps, ReferencePose, RigidKnee};
+use super::shape::Shape;
 use crate::error::CouplingError;
 
 /// Where what is needed may be in the folder of data, or beside it.
@@ -34,12 +36,12 @@ pub struct DeepFlexion {
     pub anatomy: KneeAnatomy,
     /// Poses of the tibia.
     pub path: TibiaPath,
-    /// Measured poses of tibia and patella.
+    /// Where its strands have their strain.
+    pub reference: ReferencePose,
+    /// Measured poses of tibia and patella; none of a made knee.
     pub measured: Vec<[Coordinates; 2]>,
-    /// Files that were read, and the folder of the knee.
+    /// Files that were read; none of a made knee.
     pub files: Vec<PathBuf>,
-    /// Folder of the knee.
-    pub folder: PathBuf,
 }
 
 impl DeepFlexion {
@@ -62,27 +64,36 @@ impl DeepFlexion {
             )));
         };
         let folder = model.parent().expect("a file has a folder").to_path_buf();
+        let rows = read_measured(&measured)?;
+        let [tibia, patella] = *rows.get(REFERENCE).ok_or_else(|| {
+            let needed = REFERENCE + 1;
+            CouplingError::Option(format!("{} needs at least {needed} rows", measured.display()))
+        })?;
         Ok(DeepFlexion {
             anatomy: KneeAnatomy::read(&folder)?,
             path: TibiaPath::read(&path)?,
-            measured: read_measured(&measured)?,
+            reference: ReferencePose { tibia, patella },
+            measured: rows,
             files: vec![model, path, measured],
-            folder,
         })
     }
 
-    /// The knee, with its strands in their reference strain at a measured pose.
+    /// Makes a knee: no data are read.
+    pub fn made() -> Result<DeepFlexion, CouplingError> {
+        let made = MadeKnee::new(&Shape::default());
+        let MadeKnee { anatomy, path, reference } =
+            made.map_err(|error| CouplingError::Option(error.to_string()))?;
+        Ok(DeepFlexion { anatomy, path, reference, measured: Vec::new(), files: Vec::new() })
+    }
+
+    /// The knee, with its strands in their strain in the reference pose.
     pub fn knee(&self, mode: ContactMode) -> Result<RigidKnee, CouplingError> {
         self.knee_with(mode, Quadriceps::Forces(&HEADS))
     }
 
     /// The same with its quadriceps as tissue.
     pub fn knee_with(&self, mode: ContactMode, quadriceps: Quadriceps) -> Result<RigidKnee, CouplingError> {
-        let [tibia, patella] = *self.measured.get(REFERENCE).ok_or_else(|| {
-            CouplingError::Option(format!("{MEASURED} needs at least {} rows", REFERENCE + 1))
-        })?;
-        let knee =
-            RigidKnee::with_quadriceps(&self.anatomy, &ReferencePose { tibia, patella }, mode, quadriceps);
+        let knee = RigidKnee::with_quadriceps(&self.anatomy, &self.reference, mode, quadriceps);
         knee.map_err(|error| CouplingError::Option(error.to_string()))
     }
 
@@ -97,14 +108,10 @@ impl DeepFlexion {
     /// Pairs of triangles of femoral and patellar cartilage that intersect (exact) with the patella at a pose: an answer that contact has no
     /// part in.
     pub fn crossings(&self, patella: &Coordinates) -> usize {
-        let moved = |surface: &Surface, by: Isometry3<f64>| {
-            let points = surface.points.iter().map(|p| (by * Point3::from(*p)).into()).collect();
-            SearchSurface::new(Surface { points, triangles: surface.triangles.clone() })
-        };
-        let own = |bone: Bone| self.anatomy.frame(bone).inverse();
-        let femoral = moved(&self.anatomy.femoral_cartilage, own(Bone::Femur));
-        let patellar = moved(&self.anatomy.patellar_cartilage, patella.pose() * own(Bone::Patella));
-        femoral.intersections(&patellar).len()
+        let KneeAnatomy { femoral_cartilage, patellar_cartilage, .. } = &self.anatomy;
+        let placed = |surface, bone, pose| SearchSurface::new(self.anatomy.placed(surface, bone, &pose));
+        let femoral = placed(femoral_cartilage, Bone::Femur, Isometry3::identity());
+        femoral.intersections(&placed(patellar_cartilage, Bone::Patella, patella.pose())).len()
     }
 
     /// Refuses poses that drive the bones of tibia and femur into each other by more than a millimetre, all at once.
@@ -131,7 +138,9 @@ impl DeepFlexion {
             true => Ok(()),
             false => Err(CouplingError::Option(format!(
                 "{}: {}; give poses in which cartilages overlap by at most {} mm",
-                self.files[1].display(),
+                self.files
+                    .get(1)
+                    .map_or("the way of the made knee".into(), |file| file.display().to_string()),
                 problems.join("; "),
                 1e3 * DEPTH
             ))),

@@ -4,41 +4,54 @@ use std::collections::BTreeMap;
 
 use fem::geometry::closest::Feature;
 use fem::geometry::{DistanceField, SearchSurface, SignedDistance, Surface, SurfaceError};
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
+
+use super::anatomy::{Bone, FemurSolid, KneeAnatomy};
+use super::solid;
 
 /// Corner by corner the box \[m\] in the frame of the femur in which something may lie on it: from the backs of the condyles to the front, from
 /// below them to where the tendon of the quadriceps has left the bone, from side to side.
 const BOX: [[f64; 3]; 2] = [[-0.032, -0.034, -0.050], [0.060, 0.062, 0.050]];
 /// Spacing \[m\] of its samples: the mean edge of the surfaces of cartilage is 0.76 mm.
 const SPACING: f64 = 1e-3;
-/// How far \[m\] the bone, which is another person's, is sunk: so far is it off the subchondral sheet of this knee (root mean square), and what
-/// is not of this knee must not stand out of it.
-const SUNK: f64 = 1.4e-3;
 /// Thickness \[m\] of cartilage at its rim (median over the sheet): there it slopes down to the bone.
 const RIM: f64 = 2.2e-3;
 /// What is farther \[m\] than the four spacings within which samples are exact is of no interest, and twice as far.
 const MARGIN: f64 = 8e-3;
 
-/// The distance to a femur around its knee, in whose own frame its cartilage (an open sheet, normals outward) and bone are given.
-pub fn field(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, SurfaceError> {
-    sampled(cartilage, bone, BOX.map(Vector3::from))
+/// The distance to a femur around its knee, in its own frame.
+pub fn field(anatomy: &KneeAnatomy) -> Result<DistanceField, SurfaceError> {
+    sampled(anatomy, BOX.map(Vector3::from))
 }
 
 /// The same of all of the femur.
-pub fn whole(cartilage: &Surface, bone: &Surface) -> Result<DistanceField, SurfaceError> {
-    let ([lo, hi], [from, to]) = (<[_; 2]>::from(bone.bounds()), <[_; 2]>::from(cartilage.bounds()));
+pub fn whole(anatomy: &KneeAnatomy) -> Result<DistanceField, SurfaceError> {
+    let own = |surface| anatomy.placed(surface, Bone::Femur, &Isometry3::identity()).bounds();
+    let ((lo, hi), (from, to)) = (own(&anatomy.femur), own(&anatomy.femoral_cartilage));
     let margin = Vector3::repeat(MARGIN);
-    sampled(cartilage, bone, [lo.inf(&from) - margin, hi.sup(&to) + margin])
+    sampled(anatomy, [lo.inf(&from) - margin, hi.sup(&to) + margin])
 }
 
-fn sampled(
+fn sampled(anatomy: &KneeAnatomy, within: [Vector3<f64>; 2]) -> Result<DistanceField, SurfaceError> {
+    let own = |surface| anatomy.placed(surface, Bone::Femur, &Isometry3::identity());
+    match &anatomy.solid {
+        FemurSolid::Surfaces { sunk } => {
+            laid(&own(&anatomy.femoral_cartilage), own(&anatomy.femur), *sunk, within)
+        }
+        FemurSolid::Made { shape, shaft } => solid::sampled(shape, shaft, within, SPACING),
+    }
+}
+
+/// The distance to an open sheet of cartilage, normals outward, that is laid on a bone.
+fn laid(
     cartilage: &Surface,
-    bone: &Surface,
+    bone: Surface,
+    sunk: f64,
     [lo, hi]: [Vector3<f64>; 2],
 ) -> Result<DistanceField, SurfaceError> {
-    let bone = SearchSurface::new(bone.clone());
+    let bone = SearchSurface::new(bone);
     let bone = SignedDistance::new(&bone)?;
-    let sloped = with_slope(cartilage, &bone);
+    let sloped = with_slope(cartilage, &bone, sunk);
     let n_sheet = cartilage.triangles.len();
     let mut normals = vec![Vector3::zeros(); sloped.points.len()];
     for (t, corners) in sloped.triangles.iter().enumerate() {
@@ -49,7 +62,7 @@ fn sampled(
     let margin = Vector3::repeat(MARGIN);
     let (from, to) = (from - margin, to + margin);
     let distance = |p: &Vector3<f64>| {
-        let of_bone = || bone.at(p).distance + SUNK;
+        let of_bone = || bone.at(p).distance + sunk;
         if *p != p.sup(&from).inf(&to) {
             return of_bone();
         }
@@ -83,7 +96,7 @@ pub fn below(field: &DistanceField, cartilage: &Surface) -> f64 {
 
 /// A sheet with a slope along its rim, down to the bone and twice as far out. Where the bone turns away, the foot goes down to the sunk bone: a
 /// tangent alone would stand out as a fin, on which a muscle catches.
-fn with_slope(sheet: &Surface, bone: &SignedDistance) -> Surface {
+fn with_slope(sheet: &Surface, bone: &SignedDistance, sunk: f64) -> Surface {
     let mut normals = vec![Vector3::zeros(); sheet.points.len()];
     let mut outward = normals.clone();
     let mut sides = BTreeMap::<[u32; 2], usize>::new();
@@ -114,7 +127,7 @@ fn with_slope(sheet: &Surface, bone: &SignedDistance) -> Surface {
                 let [down, out] = [-normals[n as usize].normalize(), outward[n as usize].normalize()];
                 let foot = place(n) + RIM * (down + 2.0 * out);
                 let at = bone.at(&foot);
-                let above = (at.distance + SUNK).max(0.0);
+                let above = (at.distance + sunk).max(0.0);
                 sloped.points.push((foot - above * at.gradient(&foot)).into());
                 sloped.points.len() as u32 - 1
             })

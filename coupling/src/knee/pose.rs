@@ -99,6 +99,11 @@ impl TibiaPath {
         TibiaPath::new(rows, file)
     }
 
+    /// A path that is known to be good: flexion increases, and rows are close to each other.
+    pub(super) fn of(rows: Vec<Coordinates>) -> TibiaPath {
+        TibiaPath { rows }
+    }
+
     /// Refuses rows whose flexion does not increase, and turns of more than 20 degrees between neighbours.
     fn new(rows: Vec<(usize, Coordinates)>, file: &Path) -> Result<TibiaPath, CouplingError> {
         let mut problems = Vec::new();
@@ -121,7 +126,7 @@ impl TibiaPath {
             problems.push("no rows".to_string());
         }
         if problems.is_empty() {
-            return Ok(TibiaPath { rows: rows.into_iter().map(|(_, c)| c).collect() });
+            return Ok(TibiaPath::of(rows.into_iter().map(|(_, c)| c).collect()));
         }
         Err(malformed(
             file,

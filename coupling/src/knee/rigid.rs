@@ -14,7 +14,7 @@ use fem::scene::{ContactMode, FreeBodySpec, PrescribedSpec, Scene, StrandSpec, T
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use thiserror::Error;
 
-use super::anatomy::{Bone, KneeAnatomy};
+use super::anatomy::{BellyFit, Bone, KneeAnatomy, moved};
 use super::femur;
 use super::level::level;
 use super::muscles::{MuscleError, Muscles, PatellaPlace, Resolution};
@@ -116,6 +116,9 @@ pub enum KneeError {
         "the model of the knee has no spring `{0}` between its bones; give its two ends, strands of the patella hold on there"
     )]
     NoSpring(&'static str),
+    /// A string finds no way.
+    #[error("`{0}` finds no way over the femur; give it ends outside of the bone")]
+    NoWay(String),
     /// The bone of the femur is no closed surface.
     #[error("femur: {0}")]
     Surface(#[from] SurfaceError),
@@ -240,11 +243,11 @@ impl Draft {
         femur: (Arc<DistanceField>, SearchSurface),
         to_femur: &Isometry3<f64>,
         patella: &PatellaPlace,
-        shaft: &Shaft,
+        (shaft, fit): (&Shaft, BellyFit),
         resolution: Resolution,
     ) -> Result<Muscles, MuscleError> {
-        let muscles =
-            Muscles::add(&mut self.mesh, &mut self.scene, femur, to_femur, patella, shaft, resolution)?;
+        let bellies = (to_femur, (shaft, fit));
+        let muscles = Muscles::add(&mut self.mesh, &mut self.scene, femur, bellies, patella, resolution)?;
         for (bone, nodes) in [(Bone::Femur, &muscles.held), (Bone::Patella, &muscles.on_patella)] {
             self.mesh.node_sets.entry(set(bone).to_string()).or_default().extend(nodes);
         }
@@ -323,7 +326,7 @@ impl RigidKnee {
     ) -> Result<RigidKnee, KneeError> {
         let [tibia, patella] = [reference.tibia, reference.patella].map(|c| c.pose());
         let own = |bone: Bone| anatomy.frame(bone).inverse();
-        // From the folder into the frame of the femur, in the reference pose.
+        // From the frame of the surfaces into that of the femur, in the reference pose.
         let to_reference = |bone: Bone| match bone {
             Bone::Femur => own(bone),
             Bone::Tibia => tibia * own(bone),
@@ -332,8 +335,8 @@ impl RigidKnee {
         let bone = moved(&anatomy.femur, &own(Bone::Femur));
         let sheet = moved(&anatomy.femoral_cartilage, &own(Bone::Femur));
         let field = Arc::new(match quadriceps {
-            Quadriceps::Forces(_) => femur::field(&sheet, &bone)?,
-            Quadriceps::Tissue(_) => femur::whole(&sheet, &bone)?,
+            Quadriceps::Forces(_) => femur::field(anatomy)?,
+            Quadriceps::Tissue(_) => femur::whole(anatomy)?,
         });
         let solid = match mode {
             ContactMode::Cheap => field.clone(),
@@ -358,6 +361,9 @@ impl RigidKnee {
                 let [from, to] = ends.map(|end| end.1);
                 let string = TautString::new(field.clone(), from);
                 let slack = string.way(&to, None).length / (1.0 + structure.strain);
+                if !slack.is_finite() {
+                    return Err(KneeError::NoWay(name));
+                }
                 let law = Strand { stiffness: structure.each() * slack, toe: TOE };
                 draft.string(&name, string, lift * to, StringPull::Elastic(law, slack));
             }
@@ -383,7 +389,7 @@ impl RigidKnee {
                     (solid.clone(), triangles),
                     &own(Bone::Femur),
                     &place,
-                    &shaft,
+                    (&shaft, anatomy.fit),
                     resolution,
                 )?)
             }
@@ -510,11 +516,6 @@ fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface, layer: Layer) -> Vec
         Sample { weights: [1.0 - a.sum(), a.x, a.y, a.z], area, layer }
     };
     surface.points.iter().zip(areas).map(sample).collect()
-}
-
-fn moved(surface: &Surface, by: &Isometry3<f64>) -> Surface {
-    let points = surface.points.iter().map(|p| (by * Point3::from(*p)).into()).collect();
-    Surface { points, triangles: surface.triangles.clone() }
 }
 
 /// How far forward the patella has to go so that nothing touches \[m\].

@@ -12,6 +12,7 @@
 use std::sync::{Arc, Mutex};
 
 use fem::effect::{Effect, EffectKind, Groups, State};
+use fem::element::psd::lift;
 use fem::geometry::DistanceField;
 use fem::material::line::{LineLaw, Strand};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -21,7 +22,7 @@ pub const SEGMENTS: usize = 48;
 const FREE: usize = SEGMENTS - 1;
 /// c: a string of 0.2 m that is bent over 20 mm sinks in by 3 µm, ℓ²/(n c r).
 const HARD: f64 = 1.6e4;
-/// Iterations at most; six do where the end has moved a little.
+/// Iterations at most; a few do where the end has moved a little.
 const ITERATIONS: usize = 200;
 /// Change of a node \[m\] that is none.
 const SETTLED: f64 = 1e-13;
@@ -51,7 +52,7 @@ pub struct TautString {
 pub struct Way {
     /// Its nodes \[m\], from end to end.
     pub places: [Point3<f64>; SEGMENTS + 1],
-    /// ℓ \[m\].
+    /// ℓ \[m\]; infinite where no way settles.
     pub length: f64,
     /// ∂ℓ/∂x of its last node: the unit vector along its last segment.
     pub along: Vector3<f64>,
@@ -100,16 +101,15 @@ impl TautString {
         let n = SEGMENTS as f64;
         let mut energy = self.energy(&x);
         for _ in 0..ITERATIONS {
-            let (mut g, mut blocks) = ([Vector3::zeros(); FREE], [Matrix3::zeros(); FREE]);
+            let (mut g, mut bends) = ([Vector3::zeros(); FREE], [Matrix3::zeros(); FREE]);
             for k in 0..FREE {
                 let (_, press, bend) = self.pressed(&x[k + 1]);
                 g[k] = n * (2.0 * x[k + 1].coords - x[k].coords - x[k + 2].coords) + press;
-                // What bends inward is left out of the step: the rest is positive definite.
-                let outward = press.norm_squared() > 0.0;
-                let normal = if outward { bend_of_normal(&press, &bend) } else { Matrix3::zeros() };
-                blocks[k] = 2.0 * n * Matrix3::identity() + normal;
+                bends[k] = bend;
             }
-            let Some(step) = solve(&blocks, &g) else { break };
+            // Newton's step where V is convex, else that of what is convex in every node. All that holds against the string counts: in a groove it
+            // is the curvature across, a hundred times what the string itself has against a long wave.
+            let Some(step) = solve(&bends, &g).or_else(|| solve(&bends.map(convex), &g)) else { break };
             let largest = step.iter().map(|s| s.norm()).fold(0.0, f64::max);
             let mut part = 1.0;
             let (next, lower) = loop {
@@ -125,10 +125,11 @@ impl TautString {
             };
             (x, energy) = (next, lower);
             if largest < SETTLED {
-                break;
+                return self.described(x, energy);
             }
         }
-        self.described(x, energy)
+        // No way that is settled: whoever asked has gone too far.
+        Way { length: f64::INFINITY, ..self.described(x, energy) }
     }
 
     /// Length and derivatives of a way that is settled.
@@ -148,23 +149,23 @@ impl TautString {
     }
 }
 
-/// The part of a stiffness that holds against what presses.
-fn bend_of_normal(press: &Vector3<f64>, bend: &Matrix3<f64>) -> Matrix3<f64> {
-    let n = press.normalize();
-    (n.transpose() * bend * n)[0].max(0.0) * n * n.transpose()
+/// What of a stiffness is convex.
+fn convex(mut stiffness: Matrix3<f64>) -> Matrix3<f64> {
+    lift(&mut stiffness.data.0, 1.0);
+    stiffness
 }
 
-/// Solves blocks on the diagonal with −n beside them for `g`; `None`: they are singular.
-fn solve(blocks: &[Matrix3<f64>; FREE], g: &[Vector3<f64>; FREE]) -> Option<[Vector3<f64>; FREE]> {
+/// Solves 2n and a stiffness on the diagonal with −n beside it for `g`; `None`: that is not positive definite.
+fn solve(stiffness: &[Matrix3<f64>; FREE], g: &[Vector3<f64>; FREE]) -> Option<[Vector3<f64>; FREE]> {
     let n = SEGMENTS as f64;
     let (mut inverse, mut right) = ([Matrix3::zeros(); FREE], *g);
     for k in 0..FREE {
-        let mut own = blocks[k];
+        let mut own = 2.0 * n * Matrix3::identity() + stiffness[k];
         if k > 0 {
             own -= n * n * inverse[k - 1];
             right[k] += n * inverse[k - 1] * right[k - 1];
         }
-        inverse[k] = own.try_inverse()?;
+        inverse[k] = own.cholesky()?.inverse();
     }
     let mut step = [Vector3::zeros(); FREE];
     for k in (0..FREE).rev() {
@@ -248,11 +249,7 @@ impl Effect for Strings {
             let way = self.way(e, s.x);
             let [_, pull, slope] = self.response(e, way.length, s.controls);
             let mut block = slope * way.along * way.along.transpose() + pull * way.bend;
-            if convexity > 0.0 {
-                let eigen = block.symmetric_eigen();
-                let (Q, negative) = (eigen.eigenvectors, eigen.eigenvalues.map(|v| v.min(0.0)));
-                block -= convexity * Q * Matrix3::from_diagonal(&negative) * Q.transpose();
-            }
+            lift(&mut block.data.0, convexity);
             (0..9).for_each(|i| out[i] = block[(i / 3, i % 3)]);
         }
     }

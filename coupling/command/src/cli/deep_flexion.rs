@@ -1,4 +1,4 @@
-//! `sartorius step deep_flexion`: the knee of a folder of data bent to 137.5 degrees, its patella free.
+//! `sartorius step deep_flexion`: a made knee, or that of a folder of data, bent to 137.5 degrees, its patella free.
 
 use std::io::Write;
 use std::path::Path;
@@ -64,15 +64,15 @@ pub fn meant(scene: &Path) -> Option<&'static Knee> {
 /// Runs the command.
 pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let name = meant.name;
-    let data = arguments.data.as_deref().ok_or_else(|| {
-        CommandError::Option(format!("`{name}` needs surfaces of a knee; name their folder with --data"))
-    })?;
     if arguments.resume {
         return Err(CommandError::Option(format!("`{name}` is one way; run it without --resume")));
     }
     let mut record = RunRecord::new("step");
     let mut progress = Progress::new(&["read", "knee", "bend", "measured", "write"], quiet);
-    let scene = DeepFlexion::find(data)?;
+    let scene = match arguments.data.as_deref() {
+        Some(data) => DeepFlexion::find(data)?,
+        None => DeepFlexion::made()?,
+    };
     for file in &scene.files {
         record.inputs.push(InputFile::of(file)?);
     }
@@ -101,24 +101,29 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     let deep = flex_told(knee, &poses, forces[0], &settings, &mut said);
     progress.lap("bend");
     // A knee is bent once: its strings remember the way that they went.
-    let again = match meant.quadriceps {
-        Pull::Forces(_) => scene.knee(ContactMode::Cheap)?,
-        Pull::Tissue(resolution) => scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution))?,
+    let again = || match meant.quadriceps {
+        Pull::Forces(_) => scene.knee(ContactMode::Cheap),
+        Pull::Tissue(resolution) => scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution)),
     };
-    let unloaded = flex(again, &rows, forces[1], &settings);
+    let unloaded = match rows.as_slice() {
+        [] => None,
+        rows => Some(flex(again()?, rows, forces[1], &settings)),
+    };
     progress.lap("measured");
     record.notes = notes(&deep);
     progress.pause(|| tell(&record.notes));
-    record.reason = [&deep, &unloaded].into_iter().find_map(Bent::stopped_told);
+    record.reason = std::iter::once(&deep).chain(&unloaded).find_map(Bent::stopped_told);
     if record.reason.is_some() {
         record.status = RunStatus::NotConverged;
     }
     record.seconds = progress.seconds().to_vec();
     record.iterations.insert("Newton".into(), deep.run.iterations.len() as u64);
     record.again = Again::as_typed(&record.command_line);
-    let against = unloaded.stopped.is_none().then(|| deviations(&unloaded.frames, &scene.measured));
+    let all_of = unloaded.as_ref().filter(|bent| bent.stopped.is_none());
+    let against = all_of.map(|bent| deviations(&bent.frames, &scene.measured));
     let n_poses = poses.len();
-    let results = Results { scene: &scene, deep: &deep, unloaded: &unloaded, against, forces, n_poses };
+    let results =
+        Results { scene: &scene, deep: &deep, unloaded: unloaded.as_ref(), against, forces, n_poses };
     write_deep_flexion(folder, &results, &mut record)?;
     progress.lap("write");
     drop(progress);

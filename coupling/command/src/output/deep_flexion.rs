@@ -11,7 +11,7 @@ use super::run::{RunRecord, Size};
 use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
 use coupling::knee::frames::write_frames;
-use coupling::knee::pose::PATELLA;
+use coupling::knee::pose::{Coordinates, PATELLA};
 
 /// A knee that was bent under load and, along its measured poses, without.
 pub struct Results<'a> {
@@ -19,8 +19,8 @@ pub struct Results<'a> {
     pub scene: &'a DeepFlexion,
     /// To deep flexion.
     pub deep: &'a Bent,
-    /// Along the measured poses.
-    pub unloaded: &'a Bent,
+    /// Along the measured poses, where there are some.
+    pub unloaded: Option<&'a Bent>,
     /// Per coordinate RMSD against the measured poses \[degrees, mm\], and over the mean of the measured values.
     pub against: Option<[[f64; 2]; 6]>,
     /// Forces of the quadriceps \[N\]: deep flexion, measured poses. None where it is tissue.
@@ -37,7 +37,9 @@ pub fn write_deep_flexion(
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
     out.write("patella.csv", |w| patella(w, results.deep))?;
-    out.write("measured.csv", |w| measured(w, results))?;
+    if let Some(unloaded) = results.unloaded {
+        out.write("measured.csv", |w| measured(w, unloaded, &results.scene.measured))?;
+    }
     if let Some(tissue) = &results.deep.knee.muscles {
         out.write("quadriceps.csv", |w| muscles(w, results.deep))?;
         let plan = &results.deep.knee.plan;
@@ -102,12 +104,16 @@ fn muscles(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
 }
 
 /// A row per measured pose: computed and measured coordinates.
-fn measured(w: &mut dyn std::io::Write, results: &Results) -> std::io::Result<()> {
+fn measured(
+    w: &mut dyn std::io::Write,
+    unloaded: &Bent,
+    measured: &[[Coordinates; 2]],
+) -> std::io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
     let beside = PATELLA.map(|c| format!("measured_{c}"));
     let header = std::iter::once("knee_flexion_deg").chain(PATELLA).map(str::to_string);
     csv.write_record(header.chain(beside))?;
-    for (f, row) in results.unloaded.frames.iter().zip(&results.scene.measured) {
+    for (f, row) in unloaded.frames.iter().zip(measured) {
         let numbers = std::iter::once(f.tibia.flexion).chain(f.patella.to_array()).chain(row[1].to_array());
         csv.write_record(numbers.map(|v| v.to_string()))?;
     }

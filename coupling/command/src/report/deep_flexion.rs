@@ -27,8 +27,13 @@ type Curve = (&'static str, &'static str, bool, Vec<[f64; 2]>);
 /// The page.
 pub fn page(results: &Results) -> String {
     let deep = |c: usize| results.deep.frames.iter().map(move |f| [f.tibia.flexion, f.patella.to_array()[c]]);
-    let near =
-        |c: usize| results.unloaded.frames.iter().map(move |f| [f.tibia.flexion, f.patella.to_array()[c]]);
+    let near = |c: usize| {
+        results
+            .unloaded
+            .iter()
+            .flat_map(|u| &u.frames)
+            .map(move |f| [f.tibia.flexion, f.patella.to_array()[c]])
+    };
     let measured = |c: usize| results.scene.measured.iter().map(move |r| [r[0].flexion, r[1].to_array()[c]]);
     let figures: Vec<String> = (0..6)
         .map(|c| {
@@ -65,11 +70,16 @@ pub fn page(results: &Results) -> String {
         let _ = write!(body, "<p>{}</p>", escape(&stopped));
     }
     let [load, small] = results.forces;
-    let lead = match results.deep.knee.muscles {
-        None => format!(
-            "Quadriceps {load} N to deep flexion, {small} N along the measured poses; points: measured, without load."
-        ),
-        Some(_) => "Quadriceps passive; points: measured, without load.".to_string(),
+    let pull = match results.deep.knee.muscles {
+        None => format!("Quadriceps {load} N to deep flexion"),
+        Some(_) => "Quadriceps passive".to_string(),
+    };
+    let lead = match (results.unloaded, &results.deep.knee.muscles) {
+        (None, _) => format!("{pull}; the knee is made by the program."),
+        (Some(_), None) => {
+            format!("{pull}, {small} N along the measured poses; points: measured, without load.")
+        }
+        (Some(_), Some(_)) => format!("{pull}; points: measured, without load."),
     };
     body.push_str(&section("Where the patella is", &lead, &grid("normal", &figures)));
     if let Some(all) = results.against {

@@ -12,7 +12,8 @@ use mesher::{Bone, MuscleBlock, MuscleSections, Station};
 use nalgebra::{Isometry3, Point3, Rotation3, Unit, Vector3};
 
 use super::lying::places;
-use super::{MuscleError, PatellaPlace};
+use super::{BellyPlace, MuscleError, PatellaPlace};
+use crate::knee::anatomy::BellyFit;
 use crate::knee::level::level;
 use crate::knee::quadriceps::Shaft;
 use crate::thigh::limb;
@@ -42,11 +43,6 @@ const FEET: [Foot; 4] = [
 /// How far \[m\] above the patella bellies are cut, in the order of [`MUSCLES`]. They are drawn to below its upper edge, 3.6 mm into it; rectus and
 /// intermedius are tendon from here on, the others fleshy.
 const CUT: [f64; 4] = [25e-3, 25e-3, 18e-3, 14e-3];
-/// The patella that bellies are drawn above lies 14 mm more to lateral and 15 mm farther back than that of the knee. So their ends are turned around
-/// the shaft to medial by this \[degrees\], and shifted away from it by this part of their distance to it. By search: tendons have scaled Jacobians
-/// from 0.23 up with these, and one is turned over without.
-const TURN: f64 = 20.0;
-const SHIFT: f64 = 0.5;
 /// Length \[m\] over which ends are moved: what of the bellies is below the middle of the thigh.
 const BENT: f64 = 0.15;
 /// A station nearer to the cut than this \[m\] makes way for it; stations are 10 to 25 mm apart.
@@ -89,12 +85,11 @@ impl HeadMesh {
     }
 }
 
-/// Meshes the heads with edges of about `edge` \[m\] around a femur. `to_femur`: from the frame of the thigh into that of the femur.
+/// Meshes the heads with edges of about `edge` \[m\] around a femur.
 pub fn heads(
     femur: &DistanceField,
-    to_femur: &Isometry3<f64>,
+    (to_femur, (shaft, fit)): BellyPlace,
     patella: &PatellaPlace,
-    shaft: &Shaft,
     edge: f64,
 ) -> Result<Vec<HeadMesh>, MuscleError> {
     let Limb { mut sections, mut attachments, .. } = limb()?;
@@ -109,7 +104,7 @@ pub fn heads(
         }
         carry(muscle, to_femur);
     }
-    sections.iter_mut().for_each(|muscle| around(muscle, shaft));
+    sections.iter_mut().for_each(|muscle| around(muscle, shaft, fit));
     let bone = Bone { name: "femur".into(), surface: level(femur, OFF, FEMUR_SPACING) };
     let built = mesher::build(&sections, std::slice::from_ref(&bone), edge);
     let mut heads = Vec::new();
@@ -175,7 +170,7 @@ fn cut(muscle: &mut MuscleSections, height: f64) -> f64 {
 }
 
 /// Turns the end of a belly around the shaft of the femur and shifts it away from it, and what is before it less and less.
-fn around(muscle: &mut MuscleSections, shaft: &Shaft) {
+fn around(muscle: &mut MuscleSections, shaft: &Shaft, fit: BellyFit) {
     let axis = Unit::new_normalize(shaft.direction);
     let mut left = 0.0;
     let mut after: Option<Vector3<f64>> = None;
@@ -184,9 +179,9 @@ fn around(muscle: &mut MuscleSections, shaft: &Shaft) {
         after = Some(station.centre);
         let t = (1.0 - left / BENT).max(0.0);
         let part = t * t * (3.0 - 2.0 * t);
-        let turn = Rotation3::from_axis_angle(&axis, part * TURN.to_radians());
+        let turn = Rotation3::from_axis_angle(&axis, part * fit.turn.to_radians());
         let foot = shaft.nearest(&station.centre);
-        let out = turn * (station.centre - foot) * (part * SHIFT);
+        let out = turn * (station.centre - foot) * (part * fit.shift);
         let place = |p: &Vector3<f64>| foot + turn * (p - foot) + out;
         station.centre = place(&station.centre);
         station.outline = station.outline.map(|p| place(&p));

@@ -15,6 +15,7 @@ use mesher::MusclePart;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
+use super::anatomy::BellyFit;
 use super::quadriceps::Shaft;
 use crate::thigh::tissue::{CONTACT_LAYER, MATRIX, SHELL_SHEAR};
 pub use heads::{MUSCLES, RECTUS};
@@ -44,6 +45,9 @@ pub struct PatellaPlace {
     /// Height \[m\] of its upper edge in the frame of the thigh, as bellies are drawn.
     pub top: f64,
 }
+
+/// Where bellies are: from the frame of the thigh into that of the femur, and how they are made to fit around its shaft.
+pub type BellyPlace<'a> = (&'a Isometry3<f64>, (&'a Shaft, BellyFit));
 
 /// Why there are no such muscles.
 #[derive(Debug, Error)]
@@ -89,18 +93,16 @@ pub struct Muscles {
 }
 
 impl Muscles {
-    /// Adds the heads to a mesh and a scene in the frame of the femur, which is given as what they stay off and as triangles. `to_femur`: from the
-    /// frame of the thigh into that of the femur.
+    /// Adds the heads to a mesh and a scene in the frame of the femur, which is given as what they stay off and as triangles.
     pub fn add(
         mesh: &mut Mesh,
         scene: &mut Scene,
         (femur, triangles): (Arc<DistanceField>, SearchSurface),
-        to_femur: &Isometry3<f64>,
+        bellies: BellyPlace,
         patella: &PatellaPlace,
-        shaft: &Shaft,
         resolution: Resolution,
     ) -> Result<Muscles, MuscleError> {
-        let heads = heads::heads(&femur, to_femur, patella, shaft, resolution.edge)?;
+        let heads = heads::heads(&femur, bellies, patella, resolution.edge)?;
         let (mut held, mut on_patella, mut n_cells) = (Vec::new(), Vec::new(), 0);
         let mut lying = lying::Lying::default();
         let [young, nu] = TENDON;
