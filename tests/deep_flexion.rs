@@ -169,10 +169,14 @@ fn what_no_knee_does_is_told() {
     for word in ["groove", "flexion", "N mm left", "contact", "patellar_ligament_central_1"] {
         assert!(told.contains(word), "{word}: {told}");
     }
-    let away = bend([0.0, -60.0, 0.0]);
-    let stretched = away.stretched();
+    // 12 kN of the quadriceps, sixty times what is meant.
+    let torn =
+        flex(made.knee(ContactMode::Cheap).unwrap(), &made.poses(0.0)[..2], 12e3, &Settings::default());
+    assert!(torn.stopped.is_none(), "{:?}", torn.stopped_told());
+    let stretched = torn.stretched();
+    println!("{stretched:?}");
     assert!(
-        stretched.iter().any(|(name, strain, _)| name.contains("retinaculum") && *strain > 0.3),
+        stretched.iter().any(|(name, strain, _)| name.contains("ligament") && *strain > 0.3),
         "{stretched:?}"
     );
 }
@@ -186,11 +190,14 @@ fn a_patella_that_leaves_its_groove_is_not_solved() {
     std::fs::create_dir(folder.path().join("deep")).unwrap();
     for name in ["dynamic_mri_knee.csv", "tibia_path_deep.csv"] {
         let text = std::fs::read_to_string(tables.join(name)).unwrap();
-        // From 60 degrees on the tibia goes aside, 15 mm a row.
+        // From 60 degrees on the tibia goes aside, 15 mm a row, and away from the femur.
         let aside = |line: &str| {
             let mut cells: Vec<String> = line.split(',').map(str::to_string).collect();
             if let Some(beyond) = cells[0].parse().ok().map(|f: f64| f - 60.0).filter(|f| *f > 0.0) {
-                cells[5] = (cells[5].parse::<f64>().unwrap() + 3.0 * beyond).to_string();
+                let mut add =
+                    |c: usize, by: f64| cells[c] = (cells[c].parse::<f64>().unwrap() + by).to_string();
+                // At 60 to 90 degrees the tibia looks backward, and away from the femur is backward and down.
+                [(3, -10.0), (4, -10.0), (5, 3.0 * beyond)].map(|(c, by)| add(c, by));
             }
             cells.join(",")
         };
