@@ -76,12 +76,39 @@ pub struct Pressed {
     pub least: Option<f64>,
 }
 
+/// Samples that are looked at together: most of what may rest on a solid is far from it, and is left alone by the dozen.
+const TOGETHER: usize = 32;
+
+/// Some samples of a group that follow each other.
+#[derive(Clone, Debug)]
+struct Bunch<const M: usize> {
+    samples: Vec<Sample<M>>,
+    /// Mean of their weights.
+    middle: [f64; M],
+    /// What of the greatest distance of a node from that mean point a sample may be away from it.
+    spread: f64,
+    /// The greatest reach of their layers \[m\].
+    reach: f64,
+}
+
+impl<const M: usize> Bunch<M> {
+    fn new(samples: &[Sample<M>]) -> Bunch<M> {
+        let mean = |k: usize| samples.iter().map(|s| s.weights[k]).sum::<f64>() / samples.len() as f64;
+        let middle: [f64; M] = std::array::from_fn(mean);
+        // x − x̄ = Σ (w − w̄) (node − x̄), because weights sum to one.
+        let off = |s: &Sample<M>| (0..M).map(|k| (s.weights[k] - middle[k]).abs()).sum::<f64>();
+        let spread = samples.iter().map(off).fold(0.0, f64::max);
+        let reach = samples.iter().map(|s| s.layer.reach()).fold(0.0, f64::max);
+        Bunch { samples: samples.to_vec(), middle, spread, reach }
+    }
+}
+
 /// Groups of `M` nodes whose samples rest on a solid.
 pub struct Obstacle<const M: usize> {
     groups: Groups,
     field: Arc<DistanceField>,
     /// Samples of each group.
-    samples: Vec<Vec<Sample<M>>>,
+    bunches: Vec<Vec<Bunch<M>>>,
 }
 
 impl<const M: usize> Obstacle<M> {
@@ -94,17 +121,23 @@ impl<const M: usize> Obstacle<M> {
     ) -> Obstacle<M> {
         // A load from outside: it is on no side of a cut.
         let groups = Groups::new(name, EffectKind::Load, nodes, vec![[f64::NAN; 3]; nodes.len()]);
-        Obstacle { groups, field, samples }
+        let bunches = samples.iter().map(|of| of.chunks(TOGETHER).map(Bunch::new).collect()).collect();
+        Obstacle { groups, field, bunches }
     }
 
     /// Calls `see` with every sample of a group that bears: itself, place, e″, e′, e per area, gradient and Hessian of φ.
     fn each(&self, s: &State, group: usize, mut see: impl FnMut(&Sample<M>, &Felt)) {
         let nodes = self.groups.nodes::<M>(group).map(|n| Vector3::from(point(s.x, n)));
-        for sample in &self.samples[group] {
-            let reach = sample.layer.reach();
-            let place: Vector3<f64> = (0..M).map(|k| sample.weights[k] * nodes[k]).sum();
-            let Some(at) = self.field.near(&place, reach) else { continue };
-            if at.distance < reach {
+        let mean = |weights: &[f64; M]| (0..M).map(|k| weights[k] * nodes[k]).sum::<Vector3<f64>>();
+        for bunch in &self.bunches[group] {
+            let middle = mean(&bunch.middle);
+            let farthest = nodes.iter().map(|n| (n - middle).norm()).fold(0.0, f64::max);
+            if self.field.is_free(&middle, bunch.spread * farthest, bunch.reach) {
+                continue;
+            }
+            for sample in &bunch.samples {
+                let place = mean(&sample.weights);
+                let Some(at) = self.field.near(&place, sample.layer.reach()) else { continue };
                 let law = sample.layer.at(at.distance);
                 see(sample, &Felt { place, distance: at.distance, law, n: at.gradient, bend: at.hessian });
             }

@@ -82,6 +82,21 @@ impl DistanceField {
         self.spacing
     }
 
+    /// The cell of a point \[m\] and how far it is in it, in spacings; `None` outside the box.
+    fn cell(&self, point: &Vector3<f64>) -> Option<([usize; 3], [f64; 3])> {
+        let p = (point - self.lo) / self.spacing;
+        let is_inside = |c: usize| p[c] >= 1.0 && p[c] < (self.size[c] - 2) as f64;
+        let cell: [usize; 3] = std::array::from_fn(|c| p[c] as usize);
+        (0..3).all(is_inside).then(|| (cell, std::array::from_fn(|c| p[c] - cell[c] as f64)))
+    }
+
+    /// Whether φ is nowhere below `within` \[m\] in a ball: a distance changes by no more than the way gone, and outside the box there is none.
+    pub fn is_free(&self, middle: &Vector3<f64>, radius: f64, within: f64) -> bool {
+        let [lo, hi] = self.bounds();
+        let outside = (lo - middle).sup(&(middle - hi)).sup(&Vector3::zeros()).norm();
+        outside > radius || outside == 0.0 && self.near(middle, within + radius).is_none()
+    }
+
     /// φ at a point \[m\]; `None` outside the box.
     pub fn at(&self, point: &Vector3<f64>) -> Option<FieldPoint> {
         self.near(point, f64::INFINITY)
@@ -90,18 +105,13 @@ impl DistanceField {
     /// φ at a point \[m\] where it is below `within` \[m\]; `None` where it is not, and outside the box.
     pub fn near(&self, point: &Vector3<f64>, within: f64) -> Option<FieldPoint> {
         let h = self.spacing;
-        let p = (point - self.lo) / h;
-        let inside = |c: usize| p[c] >= 1.0 && p[c] < (self.size[c] - 2) as f64;
-        if !(0..3).all(inside) {
-            return None;
-        }
-        let cell: [usize; 3] = std::array::from_fn(|c| p[c] as usize);
+        let (cell, part) = self.cell(point)?;
         let [_, ny, nz] = self.size;
         // A distance changes by no more than the way gone; the farthest sample that counts is √12 spacings away.
         if self.samples[(cell[0] * ny + cell[1]) * nz + cell[2]] - 12.0_f64.sqrt() * h >= within {
             return None;
         }
-        let [x, y, z]: [[[f64; 4]; 3]; 3] = std::array::from_fn(|c| splines(p[c] - cell[c] as f64));
+        let [x, y, z]: [[[f64; 4]; 3]; 3] = std::array::from_fn(|c| splines(part[c]));
         // Sums over x and y of rows along z, weighted by their derivatives of order a and b.
         let summed = |a: usize, b: usize| {
             let mut sum = [0.0; 4];
@@ -206,5 +216,25 @@ mod tests {
         assert!(field.near(&Vector3::new(0.0, 0.0, 0.0215), 1e-3).is_none());
         assert!(field.near(&Vector3::new(0.0, 0.0, 0.0205), 1e-3).is_some());
         assert!(field.at(&Vector3::new(0.0, 0.0, 0.031)).is_none());
+    }
+
+    #[test]
+    fn what_is_free_has_nothing_near_and_what_is_not_may_have() {
+        let field = ball(1e-3);
+        let within = 1e-3;
+        for k in 0..400_u32 {
+            // From the middle of the ball to far outside the box, in balls of 0.1 to 8 mm.
+            let [x, y, z] = [7, 11, 13].map(|m| f64::from(k * m % 101) / 50.0 - 1.0);
+            let (middle, radius) = (Vector3::new(x, y, z) * 0.045, 1e-4 * f64::from(1 + k % 80));
+            let mut near = (0..60).filter_map(|i| {
+                let [x, y, z] = [17, 23, 29].map(|m| f64::from((i + k) * m % 97) / 48.0 - 1.0);
+                let out = Vector3::new(x, y, z).try_normalize(1e-9)? * radius * f64::from(i % 4 + 1) / 4.0;
+                field.near(&(middle + out), within)
+            });
+            let free = field.is_free(&middle, radius, within);
+            assert!(!(free && near.next().is_some()), "{middle} {radius}");
+            let sure = middle.norm() - radius > 0.02 + within + 1e-4;
+            assert!(free || !sure || middle.amax() + 2e-3 > 0.03, "{middle} {radius}");
+        }
     }
 }
