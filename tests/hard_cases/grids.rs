@@ -18,4 +18,22 @@ pub const CASES: &[Case] = &[
         tier: Tier::Quick,
         run: grid_cases::comes_down_to_its_mesh,
     },
+    Case {
+        id: "T8",
+        title: "vastus intermedius from 20 mm to a mesh of 2.5 mm",
+        tier: Tier::Full,
+        run: grid_cases::comes_down_to_a_fine_mesh,
+    },
+    Case {
+        id: "T8f",
+        title: "law on the filled part against volume fractions",
+        tier: Tier::Full,
+        run: grid_cases::filled_part_against_fractions,
+    },
+    Case {
+        id: "T8m",
+        title: "grid beside a mesh of as many unknowns",
+        tier: Tier::Full,
+        run: grid_cases::grid_against_coarse_mesh,
+    },
 ];

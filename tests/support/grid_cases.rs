@@ -3,7 +3,7 @@
 #![allow(non_snake_case)]
 
 use fem::measure::{Cut, section_force, solid_field};
-use fem::mesh::{Mesh, generate};
+use fem::mesh::{CellBlock, CellKind, Mesh, generate};
 use fem::plan::{LoadedIsland, Plan, Warning};
 use fem::run::Frame;
 use fem::scene::{EmbeddedSpec, ForceSpec, FormulationSpec, LawSpec, Scene};
@@ -11,6 +11,7 @@ use fem::solve::{BlockMatrix, Potential};
 use mesher::grid::{self, SectionKind, mean_size};
 use mesher::{Loft, MuscleSections, to_mesh};
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::fem_scenes::{displaced, held, laws, mooney_rivlin, plan, solid, solve, tolerance};
@@ -216,8 +217,14 @@ fn vastus_intermedius(edge: f64) -> (Mesh, Vector3<f64>) {
 
 /// The muscle held at its origin, its insertion pulled by `stretch` and moved aside by `aside` of the length: force along the muscle and aside
 /// \[N\], and unknowns.
-fn pulled(
+fn pulled(mesh: &Mesh, way: Vector3<f64>, cell: Option<f64>, load: [f64; 2]) -> ([f64; 2], usize) {
+    scaled_and_pulled(mesh, &[], way, cell, load)
+}
+
+/// The same with the law of every cell scaled; not, where `scale` is empty.
+fn scaled_and_pulled(
     mesh: &Mesh,
+    scale: &[f64],
     way: Vector3<f64>,
     cell: Option<f64>,
     [stretch, aside]: [f64; 2],
@@ -225,6 +232,7 @@ fn pulled(
     let along = way.normalize();
     let across = along.cross(&Vector3::z()).normalize();
     let mut scene = scene_of(mesh, mooney_rivlin(), None);
+    scene.solids[0].scale = scale.to_vec();
     let moved = way * stretch + across * (aside * way.norm());
     scene.prescribed = vec![held("origin", [true; 3]), displaced(mesh, "insertion", |_| moved.into())];
     if let Some(cell) = cell {
@@ -240,7 +248,7 @@ fn pulled(
 pub fn comes_down_to_its_mesh() -> Outcome {
     let (mesh, way) = vastus_intermedius(5e-3);
     let mut text = Vec::new();
-    for (at, (what, load)) in [("pulled", [0.15, 0.0]), ("bent", [0.0, 0.15])].into_iter().enumerate() {
+    for (at, (what, load)) in LOADS.into_iter().enumerate() {
         let (exact, n) = pulled(&mesh, way, None, load);
         let all = [40e-3, 20e-3, 10e-3].map(|cell| {
             let (found, n) = pulled(&mesh, way, Some(cell), load);
@@ -254,4 +262,177 @@ pub fn comes_down_to_its_mesh() -> Outcome {
         text.push(format!("{what} {} times the force of its mesh ({n} unknowns)", of.join(", ")));
     }
     Ok(format!("cubes of 40, 20, 10 mm: {}", text.join("; ")))
+}
+
+/// T8: the same from 20 mm to a mesh of 2.5 mm.
+pub fn comes_down_to_a_fine_mesh() -> Outcome {
+    let (mesh, way) = vastus_intermedius(2.5e-3);
+    let mut text = Vec::new();
+    for (at, (what, load)) in LOADS.into_iter().enumerate() {
+        let (exact, n) = pulled(&mesh, way, None, load);
+        let all = [20e-3, 10e-3, 5e-3].map(|cell| {
+            let (found, n) = pulled(&mesh, way, Some(cell), load);
+            (found[at] / exact[at], n)
+        });
+        let of = all.map(|(ratio, n)| format!("{ratio:.3} ({n})"));
+        text.push(format!("{what} {} times the force of its mesh ({n} unknowns)", of.join(", ")));
+        let falls = all[0].0 > all[1].0 && all[1].0 > all[2].0 && all[2].0 > 1.0;
+        ensure(falls, || text.join("; "))?;
+    }
+    Ok(format!("cubes of 20, 10, 5 mm: {}", text.join("; ")))
+}
+
+/// Vastus intermedius pulled, and bent, by this part of its length.
+const LOADS: [(&str, [f64; 2]); 2] = [("pulled", [0.15, 0.0]), ("bent", [0.0, 0.15])];
+
+/// Volume \[m³\] of a region in every cube of a grid from the corner of its box, by points: 6³ in every cell.
+fn filled(mesh: &Mesh, cell: f64) -> (Vector3<f64>, BTreeMap<[i32; 3], f64>) {
+    const N: usize = 6;
+    let place = |n: u32| Vector3::from(mesh.points[n as usize]);
+    let block = &mesh.blocks[0];
+    let lo = block.nodes.iter().map(|n| place(*n)).reduce(|a, b| a.inf(&b)).unwrap();
+    let mut volumes = BTreeMap::new();
+    for nodes in block.nodes.chunks(8) {
+        for point in 0..N * N * N {
+            let [r, s, t] =
+                [point / (N * N), point / N % N, point % N].map(|k| (2 * k + 1) as f64 / N as f64 - 1.0);
+            let signs = |c: usize| {
+                // Corners of a hexahedron: around the bottom, then around the top.
+                let x = if matches!(c % 4, 1 | 2) { 1.0 } else { -1.0 };
+                let y = if c % 4 >= 2 { 1.0 } else { -1.0 };
+                [x, y, if c >= 4 { 1.0 } else { -1.0 }]
+            };
+            let (mut at, mut J) = (Vector3::zeros(), Matrix3::zeros());
+            for (c, n) in nodes.iter().enumerate() {
+                let [x, y, z] = signs(c);
+                let [p, q, o] = [1.0 + x * r, 1.0 + y * s, 1.0 + z * t];
+                at += 0.125 * p * q * o * place(*n);
+                J += 0.125 * place(*n) * Vector3::new(x * q * o, y * p * o, z * p * q).transpose();
+            }
+            let cube: Vector3<f64> = (at - lo) / cell;
+            *volumes.entry([cube.x as i32, cube.y as i32, cube.z as i32]).or_default() +=
+                J.determinant().abs() * 8.0 / (N * N * N) as f64;
+        }
+    }
+    (lo, volumes)
+}
+
+/// A muscle whose ends are all of it that lies in the cubes of its end faces, and beside it all of its cubes, in cells of an `n`-th of their edge,
+/// with the part of its cube that the muscle fills for each cell: what a law that is scaled by volume fractions sees. Its ends are the same cubes, so
+/// both are held alike: where faces alone are held, what is thinned out gives way beside them, which hides how stiff it is.
+fn fractions(mesh: &Mesh, cell: f64, n: i32) -> (Mesh, Mesh, Vec<f64>) {
+    let (lo, volumes) = filled(mesh, cell);
+    let mut own = mesh.clone();
+    let cube_of = |p: &[f64; 3]| -> [i32; 3] { ((Vector3::from(*p) - lo) / cell).map(|v| v as i32).into() };
+    let ends = ["origin", "insertion"].map(|set| {
+        let cubes: BTreeSet<[i32; 3]> =
+            mesh.node_sets[set].iter().map(|k| cube_of(&mesh.points[*k as usize])).collect();
+        let inside =
+            (0..mesh.points.len() as u32).filter(|k| cubes.contains(&cube_of(&mesh.points[*k as usize])));
+        own.node_sets.insert(set.to_string(), inside.collect());
+        (set, cubes)
+    });
+    let mut all = Mesh::default();
+    let (mut nodes, mut scale, mut number) = (Vec::new(), Vec::new(), BTreeMap::<[i32; 3], u32>::new());
+    for (cube, volume) in &volumes {
+        for part in 0..n * n * n {
+            let first: [i32; 3] =
+                std::array::from_fn(|c| n * cube[c] + [part / (n * n), part / n % n, part % n][c]);
+            for [x, y, z] in
+                [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+            {
+                let at = [first[0] + x, first[1] + y, first[2] + z];
+                nodes.push(*number.entry(at).or_insert_with(|| {
+                    let place = lo + Vector3::from(at.map(f64::from)) * (cell / f64::from(n));
+                    all.points.push(place.into());
+                    all.points.len() as u32 - 1
+                }));
+            }
+            scale.push(volume / cell.powi(3));
+        }
+    }
+    all.blocks.push(CellBlock { name: mesh.blocks[0].name.clone(), kind: CellKind::Hex8, nodes });
+    for (set, cubes) in ends {
+        let is_of = |at: &[i32; 3], cube: &[i32; 3]| (0..3).all(|c| (0..=n).contains(&(at[c] - n * cube[c])));
+        let inside = number.iter().filter(|(at, _)| cubes.iter().any(|cube| is_of(at, cube)));
+        let inside: BTreeSet<u32> = inside.map(|(_, k)| *k).collect();
+        all.node_sets.insert(set.to_string(), inside.into_iter().collect());
+    }
+    (own, all, scale)
+}
+
+/// Weight of a newton per volume of 1e-4 m³ across a muscle held at both ends: how far its volume moves in the mean \[m\].
+fn sag(mesh: &Mesh, scale: &[f64], way: Vector3<f64>, cell: Option<f64>) -> f64 {
+    let down = way.normalize().cross(&Vector3::z()).normalize();
+    let volume = |nodes: &[u32]| mesh.volume(&CellBlock { nodes: nodes.to_vec(), ..mesh.blocks[0].clone() });
+    let mut loads = BTreeMap::<u32, f64>::new();
+    for (k, nodes) in mesh.blocks[0].nodes.chunks(8).enumerate() {
+        let share = scale.get(k).copied().unwrap_or(1.0) * volume(nodes) / 8.0;
+        nodes.iter().for_each(|n| *loads.entry(*n).or_default() += 1e4 * share);
+    }
+    let held_nodes: BTreeSet<u32> =
+        ["origin", "insertion"].iter().flat_map(|set| mesh.node_sets[*set].iter().copied()).collect();
+    let mut scene = scene_of(mesh, mooney_rivlin(), None);
+    scene.solids[0].scale = scale.to_vec();
+    scene.prescribed = ["origin", "insertion"].map(|set| held(set, [true; 3])).into();
+    let free = || loads.iter().filter(|(n, _)| !held_nodes.contains(n));
+    let on_nodes = free().map(|(n, w)| (*n, (down * *w).into())).collect();
+    scene.forces.push(ForceSpec { name: "weight".into(), loads: on_nodes, control: "load".into() });
+    if let Some(cell) = cell {
+        scene = embedded(&scene, &mesh.blocks[0].name, cell);
+    }
+    let plan = plan(&scene, mesh);
+    let frame = solve(&plan, &[("load", 1.0)], &tolerance(1e-6));
+    let moved = |n: &u32| {
+        let at = Vector3::from_column_slice(&frame.x[3 * *n as usize..][..3]);
+        (at - Vector3::from(mesh.points[*n as usize])).dot(&down)
+    };
+    free().map(|(n, w)| w * moved(n)).sum::<f64>() / free().map(|(_, w)| w).sum::<f64>()
+}
+
+/// T8: a law on the part of a cube that is filled against one on all of it, scaled by the volume fraction.
+pub fn filled_part_against_fractions() -> Outcome {
+    let (mesh, way) = vastus_intermedius(5e-3);
+    let mut rows = Vec::new();
+    let mut good = true;
+    for (cell, n) in [(20e-3, 4), (10e-3, 2)] {
+        let (own, cubes, scale) = fractions(&mesh, cell, n);
+        let both = [(&own, &[][..]), (&cubes, &scale[..])];
+        let mut row = |what: &str, [on_filled, by_fractions]: [f64; 2]| {
+            good &= (on_filled - 1.0).abs() < (by_fractions - 1.0).abs();
+            rows.push(format!("{:.0} mm {what} {on_filled:.2} and {by_fractions:.2}", 1e3 * cell));
+        };
+        for (at, (what, load)) in LOADS.into_iter().enumerate() {
+            let exact = pulled(&own, way, None, load).0[at];
+            row(
+                what,
+                both.map(|(m, scale)| scaled_and_pulled(m, scale, way, Some(cell), load).0[at] / exact),
+            );
+        }
+        let exact = sag(&own, &[], way, None);
+        row("sag", both.map(|(m, scale)| sag(m, scale, way, Some(cell)) / exact));
+    }
+    let text = format!("on the filled part and by fractions, over the mesh: {}", rows.join("; "));
+    if good { Ok(text) } else { Err(text) }
+}
+
+/// T8: a mesh that fits the muscle beside a grid of about as many unknowns.
+pub fn grid_against_coarse_mesh() -> Outcome {
+    let (mesh, way) = vastus_intermedius(5e-3);
+    // The coarsest that the mesher makes: 36 cells a section.
+    let (coarse, _) = vastus_intermedius(30e-3);
+    let mut rows = Vec::new();
+    for (at, (what, load)) in LOADS.into_iter().enumerate() {
+        let (exact, _) = pulled(&mesh, way, None, load);
+        let ([grid, fitted], n): ([f64; 2], _) = {
+            let [(a, n), (b, m)] =
+                [(&mesh, Some(10e-3)), (&coarse, None)].map(|(m, cell)| pulled(m, way, cell, load));
+            ([a, b].map(|f| f[at] / exact[at]), [n, m])
+        };
+        rows.push(format!("{what} {grid:.2} ({}) in cubes of 10 mm, {fitted:.2} ({}) in a mesh", n[0], n[1]));
+        ensure(n[1].abs_diff(n[0]) < n[0] / 5 && (grid - 1.0).abs() < (fitted - 1.0).abs(), || {
+            rows.join("; ")
+        })?;
+    }
+    Ok(format!("over a mesh of 5 mm: {}", rows.join("; ")))
 }
