@@ -14,6 +14,7 @@ mod contact;
 mod dynamics;
 mod elements;
 mod equilibrium;
+mod fidelity;
 mod grids;
 mod hertz;
 mod incompressible;
@@ -76,6 +77,7 @@ fn main() {
         blocks::CASES,
         hertz::CASES,
         sweeps::CASES,
+        fidelity::CASES,
         knee::CASES,
         dynamics::CASES,
         equilibrium::CASES,
