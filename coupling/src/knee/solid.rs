@@ -7,10 +7,10 @@ use super::shape::Shape;
 
 /// Over what distance \[m\] parts run into each other; where two are equally near, a quarter of it is added.
 pub const SEAM: f64 = 6e-3;
-/// Radii \[m\] of the cones from the condyles to the shaft, at either end.
+/// Radii \[m\] of the cones from the knee to the shaft, at either end.
 const CONES: [f64; 2] = [17e-3, 15e-3];
-/// Where the cones begin \[m\], forward and up, and to either side in half distances of the condyles.
-const FEET: [f64; 3] = [6e-3, 8e-3, 0.85];
+/// Where the cones begin \[m\], forward and up, and to lateral in half distances of the condyles: above both, and behind the trochlea.
+const FEET: [[f64; 3]; 3] = [[13e-3, 12e-3, -0.85], [15e-3, 14e-3, 0.0], [13e-3, 12e-3, 0.85]];
 /// The notch between the condyles: a rod of this radius \[m\] from behind to where the groove ends, its ends in radii of a condyle forward and up.
 const NOTCH: f64 = 8e-3;
 const NOTCH_ENDS: [[f64; 2]; 2] = [[-1.6, 0.0], [-0.1, -0.6]];
@@ -80,11 +80,11 @@ impl<'a> MadeFemur<'a> {
     /// Its signed distance \[m\] at a point, or what seams leave of it.
     pub fn distance(&self, p: &Vector3<f64>) -> f64 {
         let [groove, condyles] = self.balls(p);
-        let cone = |side: f64| {
-            let foot = Vector3::new(FEET[0], FEET[1], FEET[2] * side * self.shape.condyle_aside);
+        let cone = |[x, y, aside]: [f64; 3]| {
+            let foot = Vector3::new(x, y, aside * self.shape.condyle_aside);
             rod(p, [foot, self.neck], CONES)
         };
-        let bone = joined(cone(-1.0), cone(1.0), SEAM);
+        let bone = FEET.map(cone).into_iter().fold(f64::INFINITY, |a, b| joined(a, b, SEAM));
         let joint = joined(joined(groove, condyles, SEAM), bone, SEAM);
         let joint = common(joint, p.z.abs() - self.shape.half_width, SEAM);
         let shaft = common(self.shaft.at(p).distance + SUNK, SHAFT_FROM - p.y, SEAM);

@@ -82,6 +82,9 @@ pub fn page(results: &Results) -> String {
         (Some(_), Some(_)) => format!("{pull}; points: measured, without load."),
     };
     body.push_str(&section("Where the patella is", &lead, &grid("normal", &figures)));
+    let sections = super::knee_sections::figures(&results.scene.anatomy, results.deep);
+    let lead = "Cut from front to back through the middle of the patella at the first frame, seen from lateral; cartilages of the tibia in their middles. Femur and patella grey, cartilage blue and orange; strands are drawn where they go, also beside the plane.";
+    body.push_str(&section("The knee", lead, &grid("half", &sections)));
     if let Some(all) = results.against {
         let rows: Vec<Vec<String>> = (COORDINATES.iter().zip(all))
             .map(|((name, unit), [rmsd, part])| {

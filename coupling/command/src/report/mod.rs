@@ -14,6 +14,7 @@ mod details;
 mod figures;
 pub mod groups;
 pub mod heatmap;
+mod knee_sections;
 pub mod mesh;
 mod optimize;
 pub mod page;
