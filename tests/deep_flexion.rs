@@ -197,7 +197,9 @@ fn a_patella_that_leaves_its_groove_is_not_solved() {
                 let mut add =
                     |c: usize, by: f64| cells[c] = (cells[c].parse::<f64>().unwrap() + by).to_string();
                 // At 60 to 90 degrees the tibia looks backward, and away from the femur is backward and down.
-                [(3, -10.0), (4, -10.0), (5, 3.0 * beyond)].map(|(c, by)| add(c, by));
+                for (c, by) in [(3, -10.0), (4, -10.0), (5, 3.0 * beyond)] {
+                    add(c, by);
+                }
             }
             cells.join(",")
         };
@@ -247,6 +249,7 @@ fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
         );
         let muscles = f.muscles.unwrap();
         assert_eq!(muscles.crossings, [0, 0]);
+        assert!(f.least_det_f > 0.0 && f.least_det_f < 1.0, "{}", f.least_det_f);
         assert!(muscles.least_volume > 0.5 && muscles.stress[1] > muscles.stress[0], "{muscles:?}");
         // What pulls is stretched tissue alone: some newtons.
         assert!((0.0..20.0).contains(&f.contact.force.norm()), "{}", f.contact.force.norm());
@@ -325,4 +328,35 @@ fn what_cannot_be_bent_is_refused_with_all_its_mistakes() {
         text.contains("tibia_path_deep.csv") && text.contains("row 5") && text.contains("overlap"),
         "{text}"
     );
+    // A patella that is measured inside the femur.
+    copy("tibia_path_deep.csv", &|text| text);
+    let header = std::fs::read_to_string(tables.join("dynamic_mri_knee.csv")).unwrap();
+    let forward = header.lines().next().unwrap().split(',').position(|c| c == "patella_anterior_mm").unwrap();
+    copy("dynamic_mri_knee.csv", &spoilt(2, forward, "20.0"));
+    let (code, text) = said(".");
+    assert_eq!(code, Some(2), "{text}");
+    assert!(
+        text.contains("the patella is in no groove") && text.contains("in front of the trochlea"),
+        "{text}"
+    );
+    // A femur with a hole.
+    copy("dynamic_mri_knee.csv", &|text| text);
+    std::fs::remove_file(folder.path().join("knee")).unwrap();
+    for name in ["knee", "bones"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    for file in std::fs::read_dir(&knee).unwrap().map(Result::unwrap) {
+        let from = file.path().canonicalize().unwrap();
+        std::os::unix::fs::symlink(from, folder.path().join("knee").join(file.file_name())).unwrap();
+    }
+    // Binary STL: 80 bytes, the number of triangles, 50 bytes each.
+    let mut stl = std::fs::read(knee.join("../bones/femur_r.stl")).unwrap();
+    let n = u32::from_le_bytes(stl[80..84].try_into().unwrap()) - 1;
+    stl[80..84].copy_from_slice(&n.to_le_bytes());
+    stl.truncate(84 + 50 * n as usize);
+    std::fs::write(folder.path().join("bones/femur_r.stl"), stl).unwrap();
+    let (code, text) = said(".");
+    assert_eq!(code, Some(2), "{text}");
+    assert!(text.contains("femur") && !folder.path().join("out").exists(), "{text}");
+    println!("{text}");
 }

@@ -110,17 +110,18 @@ fn tissue() -> Outcome {
     let states = || frames.iter().filter_map(|f| f.muscles);
     let [heads, femur] = [0, 1].map(|k| states().map(|m| m.crossings[k]).sum::<usize>());
     let volume = states().map(|m| m.least_volume).fold(f64::INFINITY, f64::min);
+    let det_f = frames.iter().map(|f| f.least_det_f).fold(f64::INFINITY, f64::min);
     let cartilage: usize = frames.iter().map(|f| subject.crossings(&f.patella)).sum();
     let iterations = frames.iter().map(|f| f.iterations).sum::<usize>() as f64 / frames.len() as f64;
     let text = format!(
         "{} frames, {iterations:.1} iterations each; left {:.0e} N and {:.0e} N mm; pairs of triangles that intersect: {heads} of heads, {femur} of a head and the femur, \
-         {cartilage} of cartilages; least volume {volume:.2}",
+         {cartilage} of cartilages; least volume of a cell {volume:.2}, least det F {det_f:.2}",
         frames.len(),
         left[0],
         left[1]
     );
     let good =
-        heads + femur + cartilage == 0 && left[0] < RESIDUAL[0] && left[1] < RESIDUAL[1] && volume > 0.0;
+        heads + femur + cartilage == 0 && left[0] < RESIDUAL[0] && left[1] < RESIDUAL[1] && det_f > 0.0;
     if good { Ok(text) } else { Err(text) }
 }
 

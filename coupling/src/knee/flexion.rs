@@ -39,6 +39,8 @@ pub struct FlexionFrame {
     pub muscles: Option<MuscleState>,
     /// Iterations of Newton's method.
     pub iterations: usize,
+    /// Least det F at the points where the law of a muscle is asked; infinite without muscles.
+    pub least_det_f: f64,
 }
 
 impl FlexionFrame {
@@ -54,6 +56,7 @@ impl FlexionFrame {
             ways: knee.ways(at.x),
             muscles: knee.muscles.as_ref().map(|muscles| MuscleState::of(&knee.plan, at, muscles)),
             iterations: frame.count(|island| island.iterations),
+            least_det_f: frame.islands.iter().map(|island| island.least_det_f).fold(f64::INFINITY, f64::min),
         }
     }
 

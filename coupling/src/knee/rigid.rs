@@ -120,7 +120,7 @@ pub enum KneeError {
     #[error("`{0}` finds no way over the femur; give it ends outside of the bone")]
     NoWay(String),
     /// The bone of the femur is no closed surface.
-    #[error("femur: {0}")]
+    #[error("femur (bones/femur_r.stl beside the folder of the knee): {0}")]
     Surface(#[from] SurfaceError),
     /// The muscles cannot be meshed.
     #[error(transparent)]
