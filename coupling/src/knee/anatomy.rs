@@ -62,11 +62,8 @@ pub struct Spring {
 /// What the femur is as a solid.
 #[derive(Clone, Debug)]
 pub enum FemurSolid {
-    /// What its cartilage and its bone enclose, the bone sunk by so much \[m\].
-    Surfaces {
-        /// \[m\].
-        sunk: f64,
-    },
+    /// What its cartilage and its bone enclose.
+    Surfaces,
     /// Made, on the shaft of another femur in the frame of this one.
     Made {
         /// Its measures.
@@ -89,9 +86,9 @@ pub struct BellyFit {
 /// The knee of the folder is not that of the built-in thigh, whose patella lies 14 mm more to lateral and 15 mm farther back. By search: tendons have
 /// scaled Jacobians from 0.23 up with these, and one is turned over without.
 const OTHER_PERSON: BellyFit = BellyFit { turn: 20.0, shift: 0.5 };
-/// How far \[m\] the bone of the folder, which is another person's, is sunk: so far is it off the subchondral sheet of this knee (root mean square),
-/// and what is not of this knee must not stand out of it.
-const SUNK: f64 = 1.4e-3;
+/// How far \[m\] bone that is of another person than the knee is sunk: so far is that of the folder off the subchondral sheet of its knee (root mean
+/// square), and what is not of the knee must not stand out of it. Bellies are drawn up to the shaft of a made knee, too, and need the room.
+pub const SUNK: f64 = 1.4e-3;
 
 /// A knee as it is in the folder, or made.
 #[derive(Clone, Debug)]
@@ -135,7 +132,7 @@ impl KneeAnatomy {
             ],
             frames,
             springs,
-            solid: FemurSolid::Surfaces { sunk: SUNK },
+            solid: FemurSolid::Surfaces,
             fit: OTHER_PERSON,
         })
     }

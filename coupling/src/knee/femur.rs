@@ -6,7 +6,7 @@ use fem::geometry::closest::Feature;
 use fem::geometry::{DistanceField, SearchSurface, SignedDistance, Surface, SurfaceError};
 use nalgebra::{Isometry3, Vector3};
 
-use super::anatomy::{Bone, FemurSolid, KneeAnatomy};
+use super::anatomy::{Bone, FemurSolid, KneeAnatomy, SUNK};
 use super::solid;
 
 /// Corner by corner the box \[m\] in the frame of the femur in which something may lie on it: from the backs of the condyles to the front, from
@@ -35,10 +35,8 @@ pub fn whole(anatomy: &KneeAnatomy) -> Result<DistanceField, SurfaceError> {
 fn sampled(anatomy: &KneeAnatomy, within: [Vector3<f64>; 2]) -> Result<DistanceField, SurfaceError> {
     let own = |surface| anatomy.placed(surface, Bone::Femur, &Isometry3::identity());
     match &anatomy.solid {
-        FemurSolid::Surfaces { sunk } => {
-            laid(&own(&anatomy.femoral_cartilage), own(&anatomy.femur), *sunk, within)
-        }
-        FemurSolid::Made { shape, shaft } => solid::sampled(shape, shaft, within, SPACING),
+        FemurSolid::Surfaces => laid(&own(&anatomy.femoral_cartilage), own(&anatomy.femur), within),
+        FemurSolid::Made { shape, shaft } => solid::sampled(shape, (shaft, SUNK), within, SPACING),
     }
 }
 
@@ -46,12 +44,11 @@ fn sampled(anatomy: &KneeAnatomy, within: [Vector3<f64>; 2]) -> Result<DistanceF
 fn laid(
     cartilage: &Surface,
     bone: Surface,
-    sunk: f64,
     [lo, hi]: [Vector3<f64>; 2],
 ) -> Result<DistanceField, SurfaceError> {
     let bone = SearchSurface::new(bone);
     let bone = SignedDistance::new(&bone)?;
-    let sloped = with_slope(cartilage, &bone, sunk);
+    let sloped = with_slope(cartilage, &bone);
     let n_sheet = cartilage.triangles.len();
     let mut normals = vec![Vector3::zeros(); sloped.points.len()];
     for (t, corners) in sloped.triangles.iter().enumerate() {
@@ -59,12 +56,12 @@ fn laid(
     }
     let sheet = SearchSurface::new(sloped);
     let (from, to) = sheet.surface().bounds();
-    let margin = Vector3::repeat(MARGIN);
-    let (from, to) = (from - margin, to + margin);
     let distance = |p: &Vector3<f64>| {
-        let of_bone = || bone.at(p).distance + sunk;
-        if *p != p.sup(&from).inf(&to) {
-            return of_bone();
+        let of_bone = || bone.at(p).distance + SUNK;
+        // So far off nothing is looked for in the sheet; what stands in its place is less than its distance and does not jump.
+        let away = (from - p).sup(&(p - to)).sup(&Vector3::zeros()).norm();
+        if away > MARGIN {
+            return of_bone().min(away);
         }
         let Some((closest, triangle, part)) = sheet.nearest(p) else { return of_bone() };
         let corners = sheet.surface().triangles[triangle as usize];
@@ -96,7 +93,7 @@ pub fn below(field: &DistanceField, cartilage: &Surface) -> f64 {
 
 /// A sheet with a slope along its rim, down to the bone and twice as far out. Where the bone turns away, the foot goes down to the sunk bone: a
 /// tangent alone would stand out as a fin, on which a muscle catches.
-fn with_slope(sheet: &Surface, bone: &SignedDistance, sunk: f64) -> Surface {
+fn with_slope(sheet: &Surface, bone: &SignedDistance) -> Surface {
     let mut normals = vec![Vector3::zeros(); sheet.points.len()];
     let mut outward = normals.clone();
     let mut sides = BTreeMap::<[u32; 2], usize>::new();
@@ -127,7 +124,7 @@ fn with_slope(sheet: &Surface, bone: &SignedDistance, sunk: f64) -> Surface {
                 let [down, out] = [-normals[n as usize].normalize(), outward[n as usize].normalize()];
                 let foot = place(n) + RIM * (down + 2.0 * out);
                 let at = bone.at(&foot);
-                let above = (at.distance + sunk).max(0.0);
+                let above = (at.distance + SUNK).max(0.0);
                 sloped.points.push((foot - above * at.gradient(&foot)).into());
                 sloped.points.len() as u32 - 1
             })

@@ -75,6 +75,8 @@ pub enum Stopped {
     NoEquilibrium(SolveError, Option<Box<FlexionFrame>>),
     /// The patella has left its groove.
     Dislocated(Box<FlexionFrame>),
+    /// A strand, by its number, finds no way over the femur.
+    NoWay(usize, Box<FlexionFrame>),
 }
 
 impl Stopped {
@@ -99,6 +101,9 @@ impl Stopped {
             Stopped::NoEquilibrium(error, None) => format!("the patella finds no equilibrium: {error}"),
             Stopped::NoEquilibrium(error, Some(f)) => {
                 format!("the patella finds no equilibrium: {error}; last good state: {}", state(f))
+            }
+            Stopped::NoWay(strand, f) => {
+                format!("`{}` finds no way over the femur: {}", knee.strands[*strand], state(f))
             }
             Stopped::Dislocated(f) => format!(
                 "the patella has left its groove, {:.1} mm to lateral of the middle of the femur: {}",
@@ -182,6 +187,8 @@ fn course(
         let Ok(load) = knee.load(tibia, part * quadriceps) else { continue };
         let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
         run.iterations.append(&mut advanced.iterations);
+        // Strings that are measured go along, because they remember their way.
+        knee.ways(advanced.frame.snapshot().x);
         if !advanced.errors.is_empty() {
             let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
             let stopped = Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame)));
@@ -205,6 +212,11 @@ fn course(
             let error = advanced.errors.remove(0);
             run.unsolved = Some(advanced.frame);
             return (frames, drive, run, Some(Stopped::NoEquilibrium(error, Some(Box::new(frame)))));
+        }
+        if let Some(lost) = frame.strands.iter().position(|s| !s.tension.is_finite() || !s.strain.is_finite())
+        {
+            run.unsolved = Some(advanced.frame);
+            return (frames, drive, run, Some(Stopped::NoWay(lost, Box::new(frame))));
         }
         run.frames.push(advanced.frame);
         if frame.patella.place[2].abs() > OUT {

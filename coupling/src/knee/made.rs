@@ -8,7 +8,7 @@ use fem::mesh::MeshError;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use super::anatomy::{BellyFit, Bone, FemurSolid, Frames, KneeAnatomy, Spring, moved};
+use super::anatomy::{BellyFit, Bone, FemurSolid, Frames, KneeAnatomy, SUNK, Spring, moved};
 use super::level::level;
 use super::pose::{Coordinates, TibiaPath};
 use super::rigid::ReferencePose;
@@ -29,8 +29,9 @@ const ABOVE: f64 = 8.0;
 const FLEXION: f64 = 5.0;
 /// Room \[m\] between its ridge and the bottom of the groove in extension, before it is moved off the femur.
 const ROOM: f64 = 0.3e-3;
-/// Internal rotation of the tibia over flexion \[degrees\]: sharp rise to 30, little to 120, sharp rise beyond, as Qi et al. 2013 describe it.
-const INTERNAL: [[f64; 2]; 4] = [[0.0, 0.0], [30.0, 6.0], [120.0, 9.0], [140.0, 15.0]];
+/// Internal rotation of the tibia over flexion \[degrees\]: chosen, with the shape that Qi et al. 2013 describe (sharp rise to 30, little to 120, sharp
+/// rise beyond; their numbers were not read).
+const INTERNAL: [[f64; 2]; 4] = [[0.0, 0.0], [30.0, 6.0], [120.0, 9.0], [140.0, 14.0]];
 /// From row to row of its path \[degrees\].
 const ROW: f64 = 5.0;
 /// Edges of the triangles \[m\] of the cartilage of the femur, and of its bone.
@@ -52,6 +53,9 @@ const EPICONDYLE: [f64; 3] = [0.0, 0.25, 1.0];
 /// Why there is no such knee.
 #[derive(Debug, Error)]
 pub enum MadeError {
+    /// Measures that no knee has.
+    #[error("no knee has such measures: {}", .0.join("; "))]
+    Shape(Vec<String>),
     /// The tables of the thigh.
     #[error(transparent)]
     Thigh(#[from] MeshError),
@@ -73,6 +77,10 @@ pub struct MadeKnee {
 impl MadeKnee {
     /// Makes it.
     pub fn new(shape: &Shape) -> Result<MadeKnee, MadeError> {
+        let problems = shape.problems();
+        if !problems.is_empty() {
+            return Err(MadeError::Shape(problems));
+        }
         let path = path(shape);
         let reference = ReferencePose { tibia: path.rows()[0], patella: patella_in_extension(shape) };
         // From the frame of the made femur into that of the thigh.
@@ -91,10 +99,10 @@ impl MadeKnee {
         let femur = limb.bones.iter().find(|b| b.name == "femur").expect("the built-in thigh has a femur");
         let shaft = moved(&femur.surface, &stands.inverse());
         let in_frame = |bone: Bone, surface: Surface| moved(&surface, &frames[&bone]);
-        let around = solid::sampled(shape, &shaft, BOX.map(Vector3::from), EDGES[0])?;
+        let around = solid::sampled(shape, (&shaft, SUNK), BOX.map(Vector3::from), EDGES[0])?;
         let (lo, hi) = shaft.bounds();
         let margin = Vector3::repeat(10e-3);
-        let whole = solid::sampled(shape, &shaft, [lo - margin, hi + margin], EDGES[1])?;
+        let whole = solid::sampled(shape, (&shaft, SUNK), [lo - margin, hi + margin], EDGES[1])?;
         let [facets, bone] = patella(shape);
         let anatomy = KneeAnatomy {
             femoral_cartilage: in_frame(Bone::Femur, cartilage(shape, &shaft, &around)?),
@@ -161,10 +169,9 @@ fn disc(place: impl Fn(f64, f64) -> [f64; 3]) -> Surface {
 fn patella(shape: &Shape) -> [Surface; 2] {
     let [height, width] = shape.patella;
     let [back, front] = shape.patella_depth;
-    let [turn, ridge] = shape.facets;
     let behind = |y: f64, z: f64, shift: f64| {
         let aside = (z * z + RIDGE * RIDGE).sqrt() - RIDGE;
-        shift - back + aside * turn.tan() + y * y / (2.0 * ridge)
+        shift - back + aside * shape.facet_turn.tan() + y * y / (2.0 * shape.ridge_radius)
     };
     // Cartilage ends a tenth before the border.
     let facets = disc(|u, v| {
@@ -206,7 +213,7 @@ fn plateau(shape: &Shape, side: f64) -> Surface {
 fn cartilage(shape: &Shape, shaft: &Surface, around: &DistanceField) -> Result<Surface, SurfaceError> {
     let surface = level(around, 0.0, EDGES[0]);
     let shaft = SearchSurface::new(shaft.clone());
-    let femur = MadeFemur::new(shape, &shaft)?;
+    let femur = MadeFemur::new(shape, &shaft, SUNK)?;
     let is_kept = |t: &u32| {
         let middle = surface.corners(*t as usize).iter().sum::<Vector3<f64>>() / 3.0;
         femur.is_cartilage(&middle)
@@ -215,7 +222,7 @@ fn cartilage(shape: &Shape, shaft: &Surface, around: &DistanceField) -> Result<S
     Ok(surface.subset(&kept).0)
 }
 
-/// Ligament of the patella, retinacula, and where the lateral collateral ligament comes from.
+/// Ligament of the patella (its whole width is 0.8 of that of the patella there and 0.7 on the tibia, chosen), retinacula from places along its borders, and where the lateral collateral ligament comes from.
 fn springs(shape: &Shape, femur: &DistanceField, frames: &Frames) -> Vec<Spring> {
     let [height, width] = shape.patella;
     let mut all = Vec::new();
@@ -237,9 +244,10 @@ fn springs(shape: &Shape, femur: &DistanceField, frames: &Frames) -> Vec<Spring>
     };
     let border =
         |up: f64, side: f64| Vector3::new(-0.2 * shape.patella_depth[0], up * height, 0.95 * side * width);
-    let lateral = [["lPFL1", "lPFL7", "lPFL5"], ["lPFL4", "lPFL3", "lPFL3"], ["lPFL8", "lPFL6", "lPFL2"]];
+    let lateral: [&[&str]; 3] =
+        [&["lPFL1", "lPFL7", "lPFL5"], &["lPFL4", "lPFL3"], &["lPFL8", "lPFL6", "lPFL2"]];
     for (names, up) in lateral.iter().zip([0.4, 0.0, -0.4]) {
-        for name in names {
+        for name in *names {
             add(name, [(Bone::Patella, border(up, 1.0)), (Bone::Femur, epicondyle(1.0))]);
         }
     }
@@ -269,6 +277,34 @@ fn on_surface(femur: &DistanceField, from: Vector3<f64>, along: Vector3<f64>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn measures_of_no_knee_are_refused_all_at_once() {
+        assert_eq!(Shape::default().problems(), Vec::<String>::new());
+        let wrong =
+            Shape { condyle_radius: -1.0, trochlea_aside: 30e-3, half_width: f64::NAN, ..Shape::default() };
+        let said = MadeKnee::new(&wrong).err().unwrap().to_string();
+        for word in
+            ["condyle_radius is -1 m", "trochlea_aside is 0.03 m, must be at most", "half_width is NaN m"]
+        {
+            assert!(said.contains(word), "{word}: {said}");
+        }
+    }
+
+    #[test]
+    fn cartilage_covers_the_seam_of_condyle_and_trochlea() {
+        let knee = MadeKnee::new(&Shape::default()).unwrap().anatomy;
+        let own = knee.placed(&knee.femoral_cartilage, Bone::Femur, &Isometry3::identity());
+        for z in [-21e-3, 21e-3] {
+            // Under the condyles from behind their middle to the trochlea.
+            for k in -5..=20 {
+                let x = 1e-3 * f64::from(k);
+                let is_under =
+                    |p: &&[f64; 3]| (p[0] - x).abs() < 0.8e-3 && (p[2] - z).abs() < 0.8e-3 && p[1] < -10e-3;
+                assert!(own.points.iter().any(is_under), "no cartilage under {x} {z}");
+            }
+        }
+    }
 
     #[test]
     fn both_condyles_stay_on_the_tibia_in_every_pose() {

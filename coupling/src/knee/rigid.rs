@@ -14,10 +14,10 @@ use fem::scene::{ContactMode, FreeBodySpec, PrescribedSpec, Scene, StrandSpec, T
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use thiserror::Error;
 
-use super::anatomy::{BellyFit, Bone, KneeAnatomy, moved};
+use super::anatomy::{Bone, KneeAnatomy, moved};
 use super::femur;
 use super::level::level;
-use super::muscles::{MuscleError, Muscles, PatellaPlace, Resolution};
+use super::muscles::{BellyPlace, MuscleError, Muscles, PatellaPlace, Resolution};
 use super::pose::Coordinates;
 use super::quadriceps::{HEADS, Head, Shaft};
 use super::string::{Pull, Strings, TautString, Way};
@@ -120,7 +120,7 @@ pub enum KneeError {
     #[error("`{0}` finds no way over the femur; give it ends outside of the bone")]
     NoWay(String),
     /// The bone of the femur is no closed surface.
-    #[error("femur (bones/femur_r.stl beside the folder of the knee): {0}")]
+    #[error("femur: {0}; of a folder it is bones/femur_r.stl beside the knee")]
     Surface(#[from] SurfaceError),
     /// The muscles cannot be meshed.
     #[error(transparent)]
@@ -241,12 +241,10 @@ impl Draft {
     fn muscles(
         &mut self,
         femur: (Arc<DistanceField>, SearchSurface),
-        to_femur: &Isometry3<f64>,
+        bellies: BellyPlace,
         patella: &PatellaPlace,
-        (shaft, fit): (&Shaft, BellyFit),
         resolution: Resolution,
     ) -> Result<Muscles, MuscleError> {
-        let bellies = (to_femur, (shaft, fit));
         let muscles = Muscles::add(&mut self.mesh, &mut self.scene, femur, bellies, patella, resolution)?;
         for (bone, nodes) in [(Bone::Femur, &muscles.held), (Bone::Patella, &muscles.on_patella)] {
             self.mesh.node_sets.entry(set(bone).to_string()).or_default().extend(nodes);
@@ -273,8 +271,17 @@ impl Draft {
     }
 
     /// A string to the patella, from where that has gone.
-    fn string(&mut self, name: &str, string: TautString, to: Point3<f64>, pull: StringPull) {
+    fn string(
+        &mut self,
+        name: &str,
+        string: TautString,
+        to: Point3<f64>,
+        pull: StringPull,
+    ) -> Result<(), KneeError> {
         let way = string.way(&to, None);
+        if !way.length.is_finite() {
+            return Err(KneeError::NoWay(name.into()));
+        }
         let node = self.point(to, Some(PATELLA));
         let from = self.point(way.places[0], Some(set(Bone::Femur)));
         // For the eye; its way is no part of the mesh.
@@ -285,6 +292,7 @@ impl Draft {
         });
         self.strings.push(StringEnd { node, string, pull, way });
         self.names.push(name.to_string());
+        Ok(())
     }
 }
 
@@ -332,8 +340,8 @@ impl RigidKnee {
             Bone::Tibia => tibia * own(bone),
             Bone::Patella => patella * own(bone),
         };
-        let bone = moved(&anatomy.femur, &own(Bone::Femur));
-        let sheet = moved(&anatomy.femoral_cartilage, &own(Bone::Femur));
+        let of_femur = |surface| anatomy.placed(surface, Bone::Femur, &Isometry3::identity());
+        let [bone, sheet] = [&anatomy.femur, &anatomy.femoral_cartilage].map(of_femur);
         let field = Arc::new(match quadriceps {
             Quadriceps::Forces(_) => femur::field(anatomy)?,
             Quadriceps::Tissue(_) => femur::whole(anatomy)?,
@@ -343,7 +351,7 @@ impl RigidKnee {
             // What samples of the patella stay off encloses the triangles of the femur.
             ContactMode::Guarded => Arc::new(field.raised(femur::below(&field, &sheet))),
         };
-        let patellar = moved(&anatomy.patellar_cartilage, &to_reference(Bone::Patella));
+        let patellar = anatomy.placed(&anatomy.patellar_cartilage, Bone::Patella, &patella);
         let lifted = lift(&solid, &patellar).ok_or(KneeError::NoGroove)?;
         let lift = Translation3::new(lifted, 0.0, 0.0);
         let mut draft = Draft::default();
@@ -365,7 +373,7 @@ impl RigidKnee {
                     return Err(KneeError::NoWay(name));
                 }
                 let law = Strand { stiffness: structure.each() * slack, toe: TOE };
-                draft.string(&name, string, lift * to, StringPull::Elastic(law, slack));
+                draft.string(&name, string, lift * to, StringPull::Elastic(law, slack))?;
             }
         }
         let shaft = Shaft::of(&bone.points, SHAFT);
@@ -376,7 +384,7 @@ impl RigidKnee {
                     let [lateral, up] = head.insertion;
                     let at = patella * Point3::new(bounds[0], up * bounds[1], lateral * bounds[2]);
                     let string = TautString::new(field.clone(), head.origin(&at, &shaft.direction));
-                    draft.string(head.name, string, lift * at, StringPull::Share(head.share));
+                    draft.string(head.name, string, lift * at, StringPull::Share(head.share))?;
                 }
                 None
             }
@@ -387,9 +395,8 @@ impl RigidKnee {
                 let triangles = SearchSurface::new(level(&field, 0.0, field.spacing()).with(&sheet));
                 Some(draft.muscles(
                     (solid.clone(), triangles),
-                    &own(Bone::Femur),
+                    BellyPlace { to_femur: &own(Bone::Femur), shaft: &shaft, fit: anatomy.fit },
                     &place,
-                    (&shaft, anatomy.fit),
                     resolution,
                 )?)
             }

@@ -27,10 +27,55 @@ pub struct Shape {
     pub patella_depth: [f64; 2],
     /// Thickness of its cartilage.
     pub patella_cartilage: f64,
-    /// Angle \[rad\] by which its facets turn away from the ridge, and radius of the ridge from above to below.
-    pub facets: [f64; 2],
+    /// Angle \[rad\] by which its facets turn away from the ridge.
+    pub facet_turn: f64,
+    /// Radius of the ridge from above to below.
+    pub ridge_radius: f64,
     /// Where the ligament of the patella holds on to the tibia, from the middle between the condyles in extension.
     pub tuberosity: [f64; 3],
+}
+
+/// What fits into the box in which the distance to a femur is known: half of the width, and how far a knee goes back, down and forward \[m\].
+const LARGEST: [f64; 3] = [45e-3, 26e-3, 52e-3];
+
+impl Shape {
+    /// What is wrong with it, all at once.
+    pub fn problems(&self) -> Vec<String> {
+        let [medial, lateral] = self.trochlea_radius;
+        let forward = self.trochlea[0] + medial.max(lateral);
+        let positive = [
+            ("condyle_radius", self.condyle_radius),
+            ("condyle_aside", self.condyle_aside),
+            ("trochlea_radius", medial.min(lateral)),
+            ("trochlea_aside", self.trochlea_aside),
+            ("half_width", self.half_width),
+            ("patella", self.patella[0].min(self.patella[1])),
+            ("patella_depth", self.patella_depth[0].min(self.patella_depth[1])),
+            ("patella_cartilage", self.patella_cartilage),
+            ("ridge_radius", self.ridge_radius),
+        ];
+        // NaN is not positive either.
+        let is_positive = |v: f64| v > 0.0 && v.is_finite();
+        let mut problems: Vec<String> = (positive.iter().filter(|(_, v)| !is_positive(*v)))
+            .map(|(name, v)| format!("{name} is {v} m, must be positive"))
+            .collect();
+        let mut most = |name: &str, value: f64, most: f64| {
+            if value.is_nan() || value > most {
+                problems.push(format!("{name} is {value} m, must be at most {most}"));
+            }
+        };
+        most("trochlea_aside", self.trochlea_aside, 0.9 * medial.min(lateral));
+        most("half_width", self.half_width, LARGEST[0]);
+        most("condyle_radius", self.condyle_radius, LARGEST[1]);
+        most("the front of the trochlea", forward, LARGEST[2]);
+        if self.facet_turn.is_nan() || self.facet_turn.abs() >= 1.0 {
+            problems.push(format!("facet_turn is {} rad, must be between -1 and 1", self.facet_turn));
+        }
+        if !self.tuberosity.iter().chain(&self.trochlea).all(|v| v.abs() < 0.2) {
+            problems.push("tuberosity and trochlea must be within 0.2 m".into());
+        }
+        problems
+    }
 }
 
 impl Default for Shape {
@@ -47,7 +92,8 @@ impl Default for Shape {
             patella: [19e-3, 21e-3],
             patella_depth: [11e-3, 10e-3],
             patella_cartilage: 2e-3,
-            facets: [0.42, 40e-3],
+            facet_turn: 0.42,
+            ridge_radius: 40e-3,
             tuberosity: [26e-3, -48e-3, 4e-3],
         }
     }

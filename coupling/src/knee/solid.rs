@@ -16,17 +16,17 @@ const NOTCH: f64 = 8e-3;
 const NOTCH_ENDS: [[f64; 2]; 2] = [[-1.6, 0.0], [-0.1, -0.6]];
 /// Above this height \[m\] there is the shaft, which is that of another femur.
 const SHAFT_FROM: f64 = 63e-3;
-/// How far \[m\] that shaft is sunk, as the one that is laid under the knee of a folder: bellies are drawn up to it and need room to be meshed.
-const SUNK: f64 = 1.4e-3;
 /// How high \[m\] above the middle of the condyles cartilage goes, in front and behind.
 const CARTILAGE_TO: [f64; 2] = [26e-3, 12e-3];
-/// A point is of cartilage where it is nearer \[m\] than this to a ball, and farther from notch and sides.
+/// A point is of cartilage where it is nearer \[m\] than this to the balls, and farther from notch and sides.
 const OF_BALL: f64 = 0.8e-3;
 
 /// The femur in its own frame.
 pub struct MadeFemur<'a> {
     shape: &'a Shape,
     shaft: SignedDistance<'a>,
+    /// How far \[m\] the shaft is sunk.
+    sunk: f64,
     /// Middle of the shaft where it begins.
     neck: Vector3<f64>,
 }
@@ -50,9 +50,9 @@ fn rod(p: &Vector3<f64>, [a, b]: [Vector3<f64>; 2], r: [f64; 2]) -> f64 {
 }
 
 impl<'a> MadeFemur<'a> {
-    /// With the shaft of another femur, in the frame of this one.
-    pub fn new(shape: &'a Shape, shaft: &'a SearchSurface) -> Result<MadeFemur<'a>, SurfaceError> {
-        let mut femur = MadeFemur { shape, shaft: SignedDistance::new(shaft)?, neck: Vector3::zeros() };
+    /// With the shaft of another femur, in the frame of this one, sunk by so much \[m\].
+    pub fn new(shape: &'a Shape, shaft: &'a SearchSurface, sunk: f64) -> Result<MadeFemur<'a>, SurfaceError> {
+        let mut femur = MadeFemur { shape, shaft: SignedDistance::new(shaft)?, sunk, neck: Vector3::zeros() };
         // The mean of a grid of points inside, every 2 mm.
         let place = |i: i32, k: i32| Vector3::new(2e-3 * f64::from(i), SHAFT_FROM, 2e-3 * f64::from(k));
         let grid = (-30..=30).flat_map(|i| (-30..=30).map(move |k| place(i, k)));
@@ -87,7 +87,7 @@ impl<'a> MadeFemur<'a> {
         let bone = FEET.map(cone).into_iter().fold(f64::INFINITY, |a, b| joined(a, b, SEAM));
         let joint = joined(joined(groove, condyles, SEAM), bone, SEAM);
         let joint = common(joint, p.z.abs() - self.shape.half_width, SEAM);
-        let shaft = common(self.shaft.at(p).distance + SUNK, SHAFT_FROM - p.y, SEAM);
+        let shaft = common(self.shaft.at(p).distance + self.sunk, SHAFT_FROM - p.y, SEAM);
         common(joined(joint, shaft, SEAM), -self.notch(p), 0.5 * SEAM)
     }
 
@@ -95,7 +95,8 @@ impl<'a> MadeFemur<'a> {
     pub fn is_cartilage(&self, p: &Vector3<f64>) -> bool {
         let [front, behind] = CARTILAGE_TO;
         let to = if p.x > self.shape.trochlea[0] { front } else { behind };
-        let ball = self.balls(p).into_iter().fold(f64::MAX, f64::min);
+        let [groove, condyles] = self.balls(p);
+        let ball = joined(groove, condyles, SEAM);
         let is_aside = p.z.abs() > self.shape.half_width - OF_BALL;
         p.y < to && ball < OF_BALL && self.notch(p) > OF_BALL && !is_aside
     }
@@ -104,11 +105,11 @@ impl<'a> MadeFemur<'a> {
 /// The smooth distance to a made femur in a box \[m\].
 pub fn sampled(
     shape: &Shape,
-    shaft: &Surface,
+    (shaft, sunk): (&Surface, f64),
     [lo, hi]: [Vector3<f64>; 2],
     spacing: f64,
 ) -> Result<DistanceField, SurfaceError> {
     let shaft = SearchSurface::new(shaft.clone());
-    let femur = MadeFemur::new(shape, &shaft)?;
+    let femur = MadeFemur::new(shape, &shaft, sunk)?;
     Ok(DistanceField::new(lo, hi, spacing, |p| femur.distance(p)))
 }

@@ -73,7 +73,7 @@ impl TautString {
 
     /// c/2 min(φ, 0)² of a node, its gradient and Hessian.
     fn pressed(&self, at: &Point3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
-        match self.solid.near(&at.coords, 0.0).filter(|f| f.distance < 0.0) {
+        match self.solid.near(&at.coords, 0.0) {
             None => (0.0, Vector3::zeros(), Matrix3::zeros()),
             Some(f) => {
                 let n = f.gradient;
@@ -196,10 +196,15 @@ impl Strings {
         let [node] = *self.groups.nodes::<1>(e);
         let to = Point3::from(Vector3::from_column_slice(&x[3 * node as usize..][..3]));
         let mut last = self.last[e].lock().expect("no thread panics while it holds a way");
-        if last.places[SEGMENTS] != to {
-            *last = self.strings[e].0.way(&to, Some(&last));
+        if last.places[SEGMENTS] == to {
+            return last.clone();
         }
-        last.clone()
+        let way = self.strings[e].0.way(&to, Some(&last));
+        // Where none settles the next trial starts from the last that did.
+        if way.length.is_finite() {
+            *last = way.clone();
+        }
+        way
     }
 
     /// Energy \[J\], tension \[N\] and its derivative by ℓ \[N/m\].

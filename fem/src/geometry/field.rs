@@ -94,7 +94,7 @@ impl DistanceField {
     pub fn is_free(&self, middle: &Vector3<f64>, radius: f64, within: f64) -> bool {
         let [lo, hi] = self.bounds();
         let outside = (lo - middle).sup(&(middle - hi)).sup(&Vector3::zeros()).norm();
-        outside > radius || outside == 0.0 && self.near(middle, within + radius).is_none()
+        outside > radius || self.cell(middle).is_some() && self.near(middle, within + radius).is_none()
     }
 
     /// φ at a point \[m\]; `None` outside the box.

@@ -88,7 +88,7 @@ impl HeadMesh {
 /// Meshes the heads with edges of about `edge` \[m\] around a femur.
 pub fn heads(
     femur: &DistanceField,
-    (to_femur, (shaft, fit)): BellyPlace,
+    BellyPlace { to_femur, shaft, fit }: BellyPlace,
     patella: &PatellaPlace,
     edge: f64,
 ) -> Result<Vec<HeadMesh>, MuscleError> {
@@ -238,11 +238,11 @@ fn lift_off(head: &mut HeadMesh, femur: &DistanceField) {
             for (weights, _) in places(&corners) {
                 let at = |k: usize, points: &[[f64; 3]]| Vector3::from(points[face[k] as usize]);
                 let place: Vector3<f64> = (0..4).map(|k| weights[k] * at(k, &head.block.points)).sum();
-                let Some(near) = femur.near(&place, OFF).filter(|near| near.distance < OFF) else { continue };
+                let Some(near) = femur.near(&place, OFF) else { continue };
                 let free = (0..4).filter(|k| !fixed.contains(&face[*k]));
                 // Of four free nodes it is a quarter at least; where some are fixed, the others do not do their part.
                 let share = free.clone().map(|k| weights[k] * weights[k]).sum::<f64>().max(0.25);
-                for k in free {
+                for k in free.filter(|k| weights[*k] > 0.0) {
                     let by = (OFF - near.distance) * weights[k] / share * near.gradient;
                     head.block.points[face[k] as usize] = (at(k, &head.block.points) + by).into();
                     moved = true;

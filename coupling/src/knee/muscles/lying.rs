@@ -111,7 +111,8 @@ impl Lying {
     }
 }
 
-/// Places of a face, evenly over its four triangles: weights of its nodes, and the area \[m²\] that each stands for.
+/// Places of a face, evenly over its four triangles: weights of its nodes, and the area \[m²\] that each stands for. They are the corners of n² equal
+/// triangles in each, so nodes and edges of the face are among them: what is bent over an edge of bone touches it there first.
 pub(super) fn places(corners: &[Vector3<f64>; 4]) -> Vec<([f64; 4], f64)> {
     let middle = corners.iter().sum::<Vector3<f64>>() / 4.0;
     let mut places = Vec::new();
@@ -121,20 +122,16 @@ pub(super) fn places(corners: &[Vector3<f64>; 4]) -> Vec<([f64; 4], f64)> {
         let longest = u.norm().max(v.norm()).max((v - u).norm());
         let n = (longest / SPACING).ceil().max(1.0) as usize;
         let area = 0.5 * u.cross(&v).norm() / (n * n) as f64;
-        // The middles of n² equal triangles, those that stand and those that hang between them.
-        for i in 0..n {
-            for j in 0..n - i {
-                let mut add = |third: f64| {
-                    let [p, q] = [i, j].map(|k| (k as f64 + third) / n as f64);
-                    let mut weights = [q / 4.0; 4];
-                    weights[a] += 1.0 - p - q;
-                    weights[b] += p;
-                    places.push((weights, area));
-                };
-                add(1.0 / 3.0);
-                if i + j + 1 < n {
-                    add(2.0 / 3.0);
-                }
+        for i in 0..=n {
+            for j in 0..=n - i {
+                // Triangles of which it is a corner: six inside, three along a side, one at an end.
+                let sides = usize::from(i == 0) + usize::from(j == 0) + usize::from(i + j == n);
+                let shared = [6.0, 3.0, 1.0][sides];
+                let [p, q] = [i, j].map(|k| k as f64 / n as f64);
+                let mut weights = [q / 4.0; 4];
+                weights[a] += 1.0 - p - q;
+                weights[b] += p;
+                places.push((weights, shared * area / 3.0));
             }
         }
     }
@@ -157,7 +154,11 @@ mod tests {
         let middle = places.iter().map(|(w, a)| at(w) * *a).sum::<Vector3<f64>>() / area;
         assert!((middle - Vector3::new(0.006, 0.0025, 0.0)).norm() < 1e-15, "{middle}");
         for (w, _) in &places {
-            assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-15 && w.iter().all(|w| *w > 0.0));
+            assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-15 && w.iter().all(|w| *w > -1e-15));
+        }
+        // Its nodes are among them.
+        for corner in &corners {
+            assert!(places.iter().any(|(w, _)| (at(w) - corner).norm() < 1e-15), "{corner}");
         }
         // No point of the face is farther from a place than the middle of a triangle of the spacing is from its corners.
         for i in 0..=24 {

@@ -46,8 +46,16 @@ pub struct PatellaPlace {
     pub top: f64,
 }
 
-/// Where bellies are: from the frame of the thigh into that of the femur, and how they are made to fit around its shaft.
-pub type BellyPlace<'a> = (&'a Isometry3<f64>, (&'a Shaft, BellyFit));
+/// Where bellies are.
+#[derive(Clone, Copy, Debug)]
+pub struct BellyPlace<'a> {
+    /// From the frame of the thigh into that of the femur.
+    pub to_femur: &'a Isometry3<f64>,
+    /// The shaft that they are fitted around.
+    pub shaft: &'a Shaft,
+    /// How.
+    pub fit: BellyFit,
+}
 
 /// Why there are no such muscles.
 #[derive(Debug, Error)]
