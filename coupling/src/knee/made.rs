@@ -300,7 +300,7 @@ mod tests {
             for k in -5..=20 {
                 let x = 1e-3 * f64::from(k);
                 let is_under =
-                    |p: &&[f64; 3]| (p[0] - x).abs() < 0.8e-3 && (p[2] - z).abs() < 0.8e-3 && p[1] < -10e-3;
+                    |p: &[f64; 3]| (p[0] - x).abs() < 0.8e-3 && (p[2] - z).abs() < 0.8e-3 && p[1] < -10e-3;
                 assert!(own.points.iter().any(is_under), "no cartilage under {x} {z}");
             }
         }
