@@ -104,7 +104,7 @@ pub struct KneeAnatomy {
     /// Cartilage of the tibia, medial and lateral.
     pub tibial_cartilage: [Surface; 2],
     /// From the own frame of a bone into that of the surfaces.
-    pub frames: Frames,
+    pub(super) frames: Frames,
     /// Springs between these bones.
     pub springs: Vec<Spring>,
     /// The femur as a solid.
@@ -187,7 +187,7 @@ fn malformed(file: &Path, problem: String, remedy: &str) -> InputError {
 }
 
 /// From the own frame of each bone into that of the surfaces.
-pub type Frames = BTreeMap<Bone, Isometry3<f64>>;
+pub(super) type Frames = BTreeMap<Bone, Isometry3<f64>>;
 
 /// Frames and springs of a model.
 fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError> {

@@ -7,7 +7,7 @@ use fem::geometry::{DistanceField, SearchSurface, SignedDistance, Surface, Surfa
 use nalgebra::{Isometry3, Vector3};
 
 use super::anatomy::{Bone, FemurSolid, KneeAnatomy, SUNK};
-use super::solid;
+use super::solid::MadeFemur;
 
 /// Corner by corner the box \[m\] in the frame of the femur in which something may lie on it: from the backs of the condyles to the front, from
 /// below them to where the tendon of the quadriceps has left the bone, from side to side.
@@ -36,7 +36,10 @@ fn sampled(anatomy: &KneeAnatomy, within: [Vector3<f64>; 2]) -> Result<DistanceF
     let own = |surface| anatomy.placed(surface, Bone::Femur, &Isometry3::identity());
     match &anatomy.solid {
         FemurSolid::Surfaces => laid(&own(&anatomy.femoral_cartilage), own(&anatomy.femur), within),
-        FemurSolid::Made { shape, shaft } => solid::sampled(shape, (shaft, SUNK), within, SPACING),
+        FemurSolid::Made { shape, shaft } => {
+            let shaft = SearchSurface::new(shaft.clone());
+            Ok(MadeFemur::new(shape, &shaft, SUNK)?.sampled(within, SPACING))
+        }
     }
 }
 

@@ -99,13 +99,15 @@ impl MadeKnee {
         let femur = limb.bones.iter().find(|b| b.name == "femur").expect("the built-in thigh has a femur");
         let shaft = moved(&femur.surface, &stands.inverse());
         let in_frame = |bone: Bone, surface: Surface| moved(&surface, &frames[&bone]);
-        let around = solid::sampled(shape, (&shaft, SUNK), BOX.map(Vector3::from), EDGES[0])?;
+        let search = SearchSurface::new(shaft.clone());
+        let solid = MadeFemur::new(shape, &search, SUNK)?;
+        let around = solid.sampled(BOX.map(Vector3::from), EDGES[0]);
         let (lo, hi) = shaft.bounds();
         let margin = Vector3::repeat(10e-3);
-        let whole = solid::sampled(shape, (&shaft, SUNK), [lo - margin, hi + margin], EDGES[1])?;
+        let whole = solid.sampled([lo - margin, hi + margin], EDGES[1]);
         let [facets, bone] = patella(shape);
         let anatomy = KneeAnatomy {
-            femoral_cartilage: in_frame(Bone::Femur, cartilage(shape, &shaft, &around)?),
+            femoral_cartilage: in_frame(Bone::Femur, cartilage(&solid, &around)),
             patellar_cartilage: in_frame(Bone::Patella, facets),
             patella: in_frame(Bone::Patella, bone),
             femur: in_frame(Bone::Femur, level(&whole, 0.0, EDGES[1])),
@@ -210,16 +212,14 @@ fn plateau(shape: &Shape, side: f64) -> Surface {
 }
 
 /// What of the surface of the femur is cartilage.
-fn cartilage(shape: &Shape, shaft: &Surface, around: &DistanceField) -> Result<Surface, SurfaceError> {
+fn cartilage(femur: &MadeFemur, around: &DistanceField) -> Surface {
     let surface = level(around, 0.0, EDGES[0]);
-    let shaft = SearchSurface::new(shaft.clone());
-    let femur = MadeFemur::new(shape, &shaft, SUNK)?;
     let is_kept = |t: &u32| {
         let middle = surface.corners(*t as usize).iter().sum::<Vector3<f64>>() / 3.0;
         femur.is_cartilage(&middle)
     };
     let kept: Vec<u32> = (0..surface.triangles.len() as u32).filter(is_kept).collect();
-    Ok(surface.subset(&kept).0)
+    surface.subset(&kept).0
 }
 
 /// Ligament of the patella (its whole width is 0.8 of that of the patella there and 0.7 on the tibia, chosen), retinacula from places along its borders, and where the lateral collateral ligament comes from.

@@ -1,6 +1,6 @@
 //! The femur of a made knee as a solid: balls, cones, a shaft and a notch, joined smoothly.
 
-use fem::geometry::{DistanceField, SearchSurface, SignedDistance, Surface, SurfaceError};
+use fem::geometry::{DistanceField, SearchSurface, SignedDistance, SurfaceError};
 use nalgebra::Vector3;
 
 use super::shape::Shape;
@@ -91,6 +91,11 @@ impl<'a> MadeFemur<'a> {
         common(joined(joint, shaft, SEAM), -self.notch(p), 0.5 * SEAM)
     }
 
+    /// The same as a smooth distance in a box \[m\].
+    pub fn sampled(&self, [lo, hi]: [Vector3<f64>; 2], spacing: f64) -> DistanceField {
+        DistanceField::new(lo, hi, spacing, |p| self.distance(p))
+    }
+
     /// Whether a point of its surface is of cartilage.
     pub fn is_cartilage(&self, p: &Vector3<f64>) -> bool {
         let [front, behind] = CARTILAGE_TO;
@@ -100,16 +105,4 @@ impl<'a> MadeFemur<'a> {
         let is_aside = p.z.abs() > self.shape.half_width - OF_BALL;
         p.y < to && ball < OF_BALL && self.notch(p) > OF_BALL && !is_aside
     }
-}
-
-/// The smooth distance to a made femur in a box \[m\].
-pub fn sampled(
-    shape: &Shape,
-    (shaft, sunk): (&Surface, f64),
-    [lo, hi]: [Vector3<f64>; 2],
-    spacing: f64,
-) -> Result<DistanceField, SurfaceError> {
-    let shaft = SearchSurface::new(shaft.clone());
-    let femur = MadeFemur::new(shape, &shaft, sunk)?;
-    Ok(DistanceField::new(lo, hi, spacing, |p| femur.distance(p)))
 }

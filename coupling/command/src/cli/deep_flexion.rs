@@ -77,12 +77,15 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
         record.inputs.push(InputFile::of(file)?);
     }
     progress.lap("read");
-    let (knee, forces) = match meant.quadriceps {
-        Pull::Forces(forces) => (scene.knee(ContactMode::Cheap)?, forces),
-        Pull::Tissue(resolution) => {
-            (scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution))?, [0.0; 2])
-        }
+    let build = || match meant.quadriceps {
+        Pull::Forces(_) => scene.knee(ContactMode::Cheap),
+        Pull::Tissue(resolution) => scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution)),
     };
+    let forces = match meant.quadriceps {
+        Pull::Forces(forces) => forces,
+        Pull::Tissue(_) => [0.0; 2],
+    };
+    let knee = build()?;
     scene.check_poses(&knee)?;
     let claim = arguments.out.claim("step", name)?;
     let folder = OutputFolder::begin(claim, false)?;
@@ -101,13 +104,9 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     let deep = flex_told(knee, &poses, forces[0], &settings, &mut said);
     progress.lap("bend");
     // A knee is bent once: its strings remember the way that they went.
-    let again = || match meant.quadriceps {
-        Pull::Forces(_) => scene.knee(ContactMode::Cheap),
-        Pull::Tissue(resolution) => scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution)),
-    };
     let unloaded = match rows.as_slice() {
         [] => None,
-        rows => Some(flex(again()?, rows, forces[1], &settings)),
+        rows => Some(flex(build()?, rows, forces[1], &settings)),
     };
     progress.lap("measured");
     record.notes = notes(&deep);
