@@ -2,21 +2,17 @@
 //! nothing else.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multibody::error::unknown;
-use sysinfo::System;
 
 use super::progress::Progress;
-use super::rung::step;
-use super::{OutArguments, Outcome, tell};
+use super::rung::Rung;
+use super::{OutArguments, Outcome, deep_cost, tell};
 use crate::error::CommandError;
-use crate::output::OutputError;
 use crate::output::atomic::OutputFolder;
-use crate::output::claim::RUN_FILE;
 use crate::output::cost::{write_axes, write_cost, write_errors};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
@@ -33,32 +29,31 @@ use coupling::number::plain;
 
 #[derive(Args)]
 pub struct CostArguments {
-    /// Ladder file (TOML): a scene, and keys of it that go from coarse to fine.
+    /// Ladder file (TOML): a scene, and keys of it that go from coarse to fine. Or `deep_flexion`: the knees of `step`, whose quadriceps is more or
+    /// less detailed.
     #[arg(default_value = "walker")]
     ladder: PathBuf,
     /// Scene in place of the ladder's: a file, or the name of a shipped one.
     #[arg(long, value_name = "SCENE")]
-    scene: Option<PathBuf>,
-    /// Only these axes of the ladder, by name.
+    pub(super) scene: Option<PathBuf>,
+    /// Only these axes of the ladder, or these knees, by name.
     #[arg(long, value_name = "AXIS", value_delimiter = ',')]
-    only: Vec<String>,
+    pub(super) only: Vec<String>,
     /// Folder of the recordings and surfaces that the scene names.
     #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
+    pub(super) data: Option<PathBuf>,
     #[command(flatten)]
-    out: OutArguments,
+    pub(super) out: OutArguments,
     /// Go on with a ladder that was killed: its solved rungs are taken over.
     #[arg(long)]
-    resume: bool,
+    pub(super) resume: bool,
     /// Print the curve as JSON.
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// Name of the rung that all others are measured against.
 const FINEST: &str = "finest";
-/// Folder of the rungs.
-const RUNGS: &str = "rungs";
 /// A setting on another axis is good enough for a mesh where its own error is at most this fraction of the mesh's: both together are then off by a third
 /// more than the mesh alone.
 const SMALL: f64 = 1.0 / 3.0;
@@ -88,6 +83,9 @@ impl Before {
 
 /// Runs the command.
 pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandError> {
+    if arguments.ladder.as_os_str() == deep_cost::NAME {
+        return deep_cost::run(arguments, quiet);
+    }
     let data = arguments.data.as_deref();
     let mut ladder = Ladder::read(&arguments.ladder, arguments.scene.as_deref(), data)?;
     only(&mut ladder, &arguments.only)?;
@@ -182,73 +180,45 @@ fn only(ladder: &mut Ladder, names: &[String]) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Runs a rung, or takes it over from a run that was killed.
+/// What came of a rung, or of the run that was killed.
 fn ending(
     out: &mut OutputFolder,
     name: &str,
     known: &Before,
     arguments: &CostArguments,
 ) -> Result<Ending, CommandError> {
-    let folder = out.path().join(RUNGS).join(name);
-    let file = out.path().join(RUNGS).join(format!("{name}.toml"));
-    let is_same = fs::read_to_string(&file).is_ok_and(|text| text == known.text);
-    if !(arguments.resume && is_same) {
-        // What is there is of another program, scene or recording.
-        let old = folder.join(RUN_FILE);
-        if old.exists() {
-            fs::remove_file(&old).map_err(|e| OutputError::at("remove the old", &old, e))?;
-        }
-    }
-    out.write(&format!("{RUNGS}/{name}.toml"), |w| w.write_all(known.text.as_bytes()))?;
-    if let Some(ending) = found(&folder) {
-        return Ok(ending);
-    }
-    let needed = known.expected.memory_mib;
-    if let Some(free) = free_memory_mib().filter(|free| needed > *free) {
-        return Ok(Ending::Failed(format!(
-            "not run: it needs about {needed:.0} MiB, {free:.0} MiB are free"
-        )));
-    }
-    let output = step(&file, &folder, arguments.data.as_deref(), arguments.resume)
-        .map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
-    Ok(found(&folder).unwrap_or_else(|| {
-        let said = String::from_utf8_lossy(&output.stderr);
-        Ending::Failed(match output.status.code() {
-            Some(_) => said.trim().trim_start_matches("error: ").to_string(),
-            None => "it was killed, as systems do that run out of memory".into(),
-        })
-    }))
+    let rung = Rung {
+        name,
+        text: &known.text,
+        known: None,
+        needed_mib: Some(known.expected.memory_mib),
+        data: arguments.data.as_deref(),
+        resume: arguments.resume,
+    };
+    Ok(match rung.run(out)? {
+        Err(why) => Ending::Failed(why),
+        Ok(run) => match read_numbers(&rung.folder(out).join("quantities.csv")) {
+            Err(why) => Ending::Failed(why),
+            Ok(numbers) => Ending::Solved { taken: taken(&run), numbers },
+        },
+    })
 }
 
-/// What a complete folder of a rung says.
-fn found(folder: &Path) -> Option<Ending> {
-    let text = fs::read_to_string(folder.join(RUN_FILE)).ok()?;
-    let run: serde_json::Value = serde_json::from_str(&text).ok()?;
-    if run["status"] != "solved" {
-        return Some(Ending::Failed(run["reason"].as_str().unwrap_or("not solved").to_string()));
-    }
-    let numbers = read_numbers(&folder.join("quantities.csv")).ok()?;
-    let stages: BTreeMap<String, f64> = serde_json::from_value(run["seconds"].clone()).ok()?;
+/// What a run took, as its `run.json` says.
+fn taken(run: &serde_json::Value) -> Taken {
+    let stages: BTreeMap<String, f64> = serde_json::from_value(run["seconds"].clone()).unwrap_or_default();
     // Those of coarser meshes are named after it.
     let calibrations = stages.iter().filter(|(name, _)| name.starts_with(STAGES[2]));
     let calibration: f64 = calibrations.map(|(_, seconds)| seconds).sum();
     let count = |key: &str| run["size"][key].as_u64().unwrap_or(0) as usize;
-    let taken = Taken {
+    Taken {
         elements: count("elements"),
         unknowns: count("unknowns"),
         seconds: stages.values().sum::<f64>() - calibration,
         calibration_seconds: calibration,
         peak_mib: run["peak_memory_mib"].as_f64(),
         stages,
-    };
-    Some(Ending::Solved { taken, numbers })
-}
-
-/// Memory that programs can have \[MiB\]; `None` where the system does not tell.
-fn free_memory_mib() -> Option<f64> {
-    let mut system = System::new();
-    system.refresh_memory();
-    Some(system.available_memory()).filter(|bytes| *bytes > 0).map(|bytes| bytes as f64 / f64::from(1 << 20))
+    }
 }
 
 /// The best combinations: for every mesh the cheapest settings on the other axes whose own errors are small beside that of the mesh.

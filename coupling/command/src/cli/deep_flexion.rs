@@ -35,7 +35,7 @@ enum Pull {
 }
 
 /// All of them. With muscles the way begins where that of the study does.
-pub static KNEES: [Knee; 3] = [
+pub static KNEES: [Knee; 4] = [
     Knee {
         name: "deep_flexion",
         what: "A knee bent to 137.5 degrees, its patella free under the force of the quadriceps.",
@@ -46,6 +46,12 @@ pub static KNEES: [Knee; 3] = [
         name: "deep_flexion_full",
         what: "The same from 25 degrees on, its quadriceps passive tissue, cells of 4 mm.",
         quadriceps: Pull::Tissue(Resolution { edge: 4e-3, cell: None }),
+        first: 25.0,
+    },
+    Knee {
+        name: "deep_flexion_coarse",
+        what: "The same with cells of 10 mm.",
+        quadriceps: Pull::Tissue(Resolution { edge: 10e-3, cell: None }),
         first: 25.0,
     },
     Knee {

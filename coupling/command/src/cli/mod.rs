@@ -4,6 +4,7 @@ mod accuracy;
 mod check;
 mod compare;
 mod cost;
+mod deep_cost;
 mod deep_flexion;
 mod export_fmu;
 mod interrupt;

@@ -1,10 +1,93 @@
 //! A scene computed by a process of its own: its memory is its own, its end ends nothing else, and it does not outlive this one.
 
+use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 
+use serde_json::Value;
+use sysinfo::System;
+
+use crate::error::CommandError;
+use crate::output::OutputError;
+use crate::output::atomic::OutputFolder;
+use crate::output::claim::RUN_FILE;
 use crate::program;
+
+/// Folder of the rungs.
+pub(super) const RUNGS: &str = "rungs";
+
+/// What is to be computed.
+pub(super) struct Rung<'a> {
+    pub name: &'a str,
+    /// All that its numbers hang on: what was computed under another text is of another program, scene or recording.
+    pub text: &'a str,
+    /// A scene that the program knows by this name; where there is none, the text is one.
+    pub known: Option<&'a str>,
+    /// Memory that it will take \[MiB\], where that is known.
+    pub needed_mib: Option<f64>,
+    pub data: Option<&'a Path>,
+    pub resume: bool,
+}
+
+impl Rung<'_> {
+    /// Folder of its results.
+    pub fn folder(&self, out: &OutputFolder) -> PathBuf {
+        out.path().join(RUNGS).join(self.name)
+    }
+
+    /// Computes it, or takes over what a run left that was killed: what its `run.json` says, or why it has no numbers.
+    pub fn run(&self, out: &mut OutputFolder) -> Result<Result<Value, String>, CommandError> {
+        let folder = self.folder(out);
+        let name = format!("{RUNGS}/{}.toml", self.name);
+        let file = out.path().join(&name);
+        let is_same = fs::read_to_string(&file).is_ok_and(|text| text == self.text);
+        if !(self.resume && is_same) {
+            let old = folder.join(RUN_FILE);
+            if old.exists() {
+                fs::remove_file(&old).map_err(|e| OutputError::at("remove the old", &old, e))?;
+            }
+        }
+        out.write(&name, |w| w.write_all(self.text.as_bytes()))?;
+        if let Some(ending) = found(&folder) {
+            return Ok(ending);
+        }
+        if let Some((needed, free)) =
+            self.needed_mib.zip(free_memory_mib()).filter(|(needed, free)| needed > free)
+        {
+            return Ok(Err(format!("not run: it needs about {needed:.0} MiB, {free:.0} MiB are free")));
+        }
+        // A knee is one way, which no killed run has left half of.
+        let resume = self.resume && self.known.is_none();
+        let scene = self.known.map_or(file, PathBuf::from);
+        let output = step(&scene, &folder, self.data, resume)
+            .map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
+        Ok(found(&folder).unwrap_or_else(|| {
+            let said = String::from_utf8_lossy(&output.stderr);
+            Err(match output.status.code() {
+                Some(_) => said.trim().trim_start_matches("error: ").to_string(),
+                None => "it was killed, as systems do that run out of memory".into(),
+            })
+        }))
+    }
+}
+
+/// What a complete folder of a rung says.
+fn found(folder: &Path) -> Option<Result<Value, String>> {
+    let text = fs::read_to_string(folder.join(RUN_FILE)).ok()?;
+    let run: Value = serde_json::from_str(&text).ok()?;
+    Some(match run["status"] == "solved" {
+        true => Ok(run),
+        false => Err(run["reason"].as_str().unwrap_or("not solved").to_string()),
+    })
+}
+
+/// Memory that programs can have \[MiB\]; `None` where the system does not tell.
+fn free_memory_mib() -> Option<f64> {
+    let mut system = System::new();
+    system.refresh_memory();
+    Some(system.available_memory()).filter(|bytes| *bytes > 0).map(|bytes| bytes as f64 / f64::from(1 << 20))
+}
 
 /// Carries out `step` for a scene file, with the threads of this process. `resume`: goes on with what a killed run left in `out`.
 pub(super) fn step(scene: &Path, out: &Path, data: Option<&Path>, resume: bool) -> io::Result<Output> {

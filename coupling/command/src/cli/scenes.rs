@@ -47,7 +47,7 @@ fn list(w: &mut impl Write) -> std::io::Result<()> {
             writeln!(w, "  {name:<20}{}", first_sentence(text))?;
         }
     }
-    writeln!(w, "knees (step; found with --data)")?;
+    writeln!(w, "knees (step, and `cost deep_flexion`; made by the program, or read with --data)")?;
     for knee in &deep_flexion::KNEES {
         // As far as the longest name.
         writeln!(w, "  {:<24}{}", knee.name, knee.what)?;

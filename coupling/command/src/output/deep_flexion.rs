@@ -1,5 +1,7 @@
 //! What `step deep_flexion` writes: `patella.csv`, `measured.csv`, frames for ParaView, a page, and `run.json`.
 
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -12,6 +14,11 @@ use coupling::knee::deep::DeepFlexion;
 use coupling::knee::flexion::Bent;
 use coupling::knee::frames::write_frames;
 use coupling::knee::pose::{Coordinates, PATELLA};
+
+/// Names of its tables, and the column that all of them begin with.
+const PATELLA_FILE: &str = "patella.csv";
+const QUADRICEPS_FILE: &str = "quadriceps.csv";
+const FLEXION: &str = "knee_flexion_deg";
 
 /// A knee that was bent under load and, along its measured poses, without.
 pub struct Results<'a> {
@@ -29,6 +36,47 @@ pub struct Results<'a> {
     pub n_poses: usize,
 }
 
+/// Tables of a knee that was bent, as another process has written them: column by name, a row per frame.
+pub struct Read(BTreeMap<String, Vec<f64>>);
+
+impl Read {
+    /// Reads `patella.csv` and, where the quadriceps is tissue, `quadriceps.csv` of a folder.
+    pub fn of(folder: &Path) -> Result<Read, String> {
+        let mut columns = BTreeMap::new();
+        for file in
+            [PATELLA_FILE, QUADRICEPS_FILE].map(|name| folder.join(name)).iter().filter(|f| f.is_file())
+        {
+            let bad = |what: String| format!("{}: {what}", file.display());
+            let mut reader = csv::Reader::from_path(file).map_err(|e| bad(e.to_string()))?;
+            let names: Vec<String> =
+                reader.headers().map_err(|e| bad(e.to_string()))?.iter().map(str::to_string).collect();
+            let rows: Vec<csv::StringRecord> =
+                reader.records().collect::<Result<_, _>>().map_err(|e| bad(e.to_string()))?;
+            for (c, name) in names.into_iter().enumerate() {
+                let cell = |row: &csv::StringRecord| {
+                    row[c].parse().map_err(|_| bad(format!("`{}` is no number", &row[c])))
+                };
+                columns.insert(name, rows.iter().map(cell).collect::<Result<_, _>>()?);
+            }
+        }
+        let read = Read(columns);
+        match read.column(FLEXION).is_empty() {
+            true => Err(format!("{} holds no frames of a knee", folder.display())),
+            false => Ok(read),
+        }
+    }
+
+    /// A column; empty where there is none.
+    pub fn column(&self, name: &str) -> &[f64] {
+        self.0.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// A column over the flexion of the knee.
+    pub fn curve(&self, name: &str) -> Vec<[f64; 2]> {
+        self.column(FLEXION).iter().zip(self.column(name)).map(|(flexion, v)| [*flexion, *v]).collect()
+    }
+}
+
 /// Writes everything and, last of all, `run.json`.
 pub fn write_deep_flexion(
     mut out: OutputFolder,
@@ -36,12 +84,12 @@ pub fn write_deep_flexion(
     record: &mut RunRecord,
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
-    out.write("patella.csv", |w| patella(w, results.deep))?;
+    out.write(PATELLA_FILE, |w| patella(w, results.deep))?;
     if let Some(unloaded) = results.unloaded {
         out.write("measured.csv", |w| measured(w, unloaded, &results.scene.measured))?;
     }
     if let Some(tissue) = &results.deep.knee.muscles {
-        out.write("quadriceps.csv", |w| muscles(w, results.deep))?;
+        out.write(QUADRICEPS_FILE, |w| muscles(w, results.deep))?;
         let plan = &results.deep.knee.plan;
         record.size = Some(Size {
             elements: tissue.n_cells,
@@ -70,7 +118,7 @@ fn patella(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
     let contact = ["contact_force_N", "contact_area_mm2", "greatest_pressure_MPa"];
     let settled = ["left_force_N", "left_moment_Nmm", "iterations"];
     let strands = bent.knee.strands.iter().flat_map(|s| [format!("{s}_N"), format!("{s}_strain")]);
-    let header = std::iter::once("knee_flexion_deg").chain(PATELLA).chain(contact).chain(settled);
+    let header = std::iter::once(FLEXION).chain(PATELLA).chain(contact).chain(settled);
     csv.write_record(header.map(str::to_string).chain(strands))?;
     let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     for f in &bent.frames {
@@ -88,7 +136,7 @@ fn patella(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
 fn muscles(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
     csv.write_record([
-        "knee_flexion_deg",
+        FLEXION,
         "rectus_stress_95_Pa",
         "rectus_stress_greatest_Pa",
         "least_volume_ratio",
@@ -112,7 +160,7 @@ fn measured(
 ) -> std::io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
     let beside = PATELLA.map(|c| format!("measured_{c}"));
-    let header = std::iter::once("knee_flexion_deg").chain(PATELLA).map(str::to_string);
+    let header = std::iter::once(FLEXION).chain(PATELLA).map(str::to_string);
     csv.write_record(header.chain(beside))?;
     for (f, row) in unloaded.frames.iter().zip(measured) {
         let numbers = std::iter::once(f.tibia.flexion).chain(f.patella.to_array()).chain(row[1].to_array());

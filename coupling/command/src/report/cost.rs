@@ -1,15 +1,14 @@
 //! The page of `cost`: error against seconds, what every axis buys, what every effect costs, how sure every force is.
 
-use std::fmt::Write;
-
 use coupling::cost::accuracy::{Errors, errors};
 use coupling::cost::curve::{Curve, cheapest, pareto};
 use coupling::cost::ladder::{Ladder, Owner};
 use coupling::cost::rung::{Deviation, Ending, LEAST_FORCE, SECTION_FORCE, Taken};
 use coupling::number::{fixed, significant, with_error};
 
+use super::decades::{Dot, decades};
 use super::page::{document, grid, section, table};
-use super::svg::{escape, px};
+use super::svg::escape;
 
 /// Accuracies that a person asks for \[%\].
 const WANTED: [f64; 4] = [20.0, 10.0, 5.0, 2.0];
@@ -175,7 +174,7 @@ pub fn cost_page(report: &CostReport) -> String {
     );
     let figures = [
         curve_figure(report),
-        scatter("Memory against seconds", "MiB", &report.rows(), |row| row.taken.as_ref()?.peak_mib, false),
+        decades("Memory against seconds", "MiB", dots(report, |row| row.taken.as_ref()?.peak_mib), false),
     ];
     let lead = "Every rung a point; the line joins those that nothing cheaper is as accurate as. Dashed: a method whose error halves when the time doubles.";
     body += &section("Curve", lead, &grid("half", &figures));
@@ -220,13 +219,17 @@ pub fn cost_picture(report: &CostReport) -> String {
 }
 
 fn curve_figure(report: &CostReport) -> String {
-    scatter(
-        "Error against seconds",
-        "error, %",
-        &report.rows(),
-        |row| row.deviation.map(|d| 100.0 * d.largest),
-        true,
-    )
+    let error = |row: &Row| row.deviation.map(|d| 100.0 * d.largest);
+    decades("Error against seconds", "error, %", dots(report, error), true)
+}
+
+/// Every rung that has such a number.
+fn dots(report: &CostReport, of: impl Fn(&Row) -> Option<f64>) -> Vec<Dot> {
+    let rows = report.rows();
+    let dot = |row: &Row| {
+        Some(Dot { name: row.name.into(), seconds: row.taken.as_ref()?.seconds, value: of(row)? })
+    };
+    rows.iter().filter_map(dot).collect()
 }
 
 fn rungs(report: &CostReport) -> String {
@@ -314,177 +317,4 @@ fn sureness(report: &CostReport) -> String {
     let header: Vec<&str> =
         ["step", "muscle", "force, N", "finest mesh, N", "order"].into_iter().chain(owners).collect();
     table(&header, 2, &rows)
-}
-
-/// A point of a figure.
-struct Dot {
-    name: String,
-    seconds: f64,
-    error: f64,
-}
-
-/// A figure of decades: every rung a point with its name. `ideal`: with the line of a method whose error halves when the time doubles.
-fn scatter(
-    title: &str,
-    quantity: &str,
-    rows: &[Row],
-    of: impl Fn(&Row) -> Option<f64>,
-    ideal: bool,
-) -> String {
-    const SIZE: [f64; 2] = [560.0, 380.0];
-    const BOX: [f64; 4] = [52.0, 8.0, 546.0, 340.0]; // left, top, right, bottom
-    let mut points: Vec<Dot> = rows
-        .iter()
-        .filter_map(|row| {
-            let (seconds, value) = (row.taken.as_ref()?.seconds, of(row)?);
-            (seconds > 0.0 && value > 0.0).then(|| Dot { name: row.name.into(), seconds, error: value })
-        })
-        .collect();
-    points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-    if points.is_empty() {
-        return String::new();
-    }
-    // From a 1, 2 or 5 below the least value to one above the greatest.
-    let decades = |of: fn(&Dot) -> f64| {
-        let round = |v: f64, up: bool| {
-            let decade = v.log10().floor();
-            let steps = [1.0, 2.0, 5.0, 10.0].map(|k| k * 10f64.powf(decade));
-            let found = if up { steps.iter().find(|s| **s >= v) } else { steps.iter().rfind(|s| **s <= v) };
-            found.copied().unwrap_or(v).log10()
-        };
-        let low = round(points.iter().map(of).fold(f64::INFINITY, f64::min), false);
-        let high = round(points.iter().map(of).fold(0.0, f64::max), true);
-        [low, high.max(low + 0.5)]
-    };
-    let (across, up) = (decades(|p| p.seconds), decades(|p| p.error));
-    let x = |v: f64| BOX[0] + (v.log10() - across[0]) / (across[1] - across[0]) * (BOX[2] - BOX[0]);
-    let y = |v: f64| BOX[3] - (v.log10() - up[0]) / (up[1] - up[0]) * (BOX[3] - BOX[1]);
-    let mut svg = format!(
-        "<figure><figcaption><b>{}</b></figcaption><svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">",
-        escape(title),
-        px(SIZE[0]),
-        px(SIZE[1]),
-        escape(title)
-    );
-    for (range, is_across) in [(across, true), (up, false)] {
-        for decade in range[0].floor() as i32..=range[1].ceil() as i32 {
-            for k in 1..10 {
-                let v = f64::from(k) * 10f64.powi(decade);
-                if v > 10f64.powf(range[1]) * 1.001 || v < 10f64.powf(range[0]) * 0.999 {
-                    continue;
-                }
-                let _ = match is_across {
-                    true => write!(
-                        svg,
-                        "<path class=\"gridline\" d=\"M{} {}V{}\"/>",
-                        px(x(v)),
-                        px(BOX[1]),
-                        px(BOX[3])
-                    ),
-                    false => write!(
-                        svg,
-                        "<path class=\"gridline\" d=\"M{} {}H{}\"/>",
-                        px(BOX[0]),
-                        px(y(v)),
-                        px(BOX[2])
-                    ),
-                };
-                if matches!(k, 1 | 2 | 5) {
-                    let text = coupling::number::short(v);
-                    let _ = match is_across {
-                        true => write!(
-                            svg,
-                            "<path class=\"axis\" d=\"M{} {}v4\"/><text class=\"mid\" x=\"{}\" y=\"{}\">{text}</text>",
-                            px(x(v)),
-                            px(BOX[3]),
-                            px(x(v)),
-                            px(BOX[3] + 15.0)
-                        ),
-                        false => write!(
-                            svg,
-                            "<text class=\"end\" x=\"{}\" y=\"{}\">{text}</text>",
-                            px(BOX[0] - 6.0),
-                            px(y(v) + 3.5)
-                        ),
-                    };
-                }
-            }
-        }
-    }
-    let _ = write!(
-        svg,
-        "<path class=\"axis\" d=\"M{} {}V{}H{}\"/><text class=\"mid\" x=\"{}\" y=\"{}\">time, s</text>\
-         <text class=\"mid\" transform=\"translate(11 {}) rotate(-90)\">{}</text>",
-        px(BOX[0]),
-        px(BOX[1]),
-        px(BOX[3]),
-        px(BOX[2]),
-        px(0.5 * (BOX[0] + BOX[2])),
-        px(SIZE[1] - 6.0),
-        px(0.5 * (BOX[1] + BOX[3])),
-        escape(quantity)
-    );
-    if ideal {
-        let front = pareto(&points.iter().map(|p| [p.seconds, p.error]).collect::<Vec<_>>());
-        let path: Vec<String> = front
-            .iter()
-            .map(|&k| format!("{} {}", px(x(points[k].seconds)), px(y(points[k].error))))
-            .collect();
-        let _ = write!(svg, "<path class=\"line c1\" d=\"M{}\"/>", path.join("L"));
-        let (low, high) = (10f64.powf(across[0]), 10f64.powf(across[1]));
-        // Through the middle of the figure, as far as it reaches.
-        let middle = 10f64.powf(0.5 * (across[0] + across[1]) + 0.5 * (up[0] + up[1]));
-        let (from, to) = (low.max(middle / 10f64.powf(up[1])), high.min(middle / 10f64.powf(up[0])));
-        let _ = write!(
-            svg,
-            "<path class=\"bound\" d=\"M{} {}L{} {}\"/>",
-            px(x(from)),
-            px(y(middle / from)),
-            px(x(to)),
-            px(y(middle / to))
-        );
-    }
-    // What is there: left, right, top and bottom of points and names.
-    let mut taken: Vec<[f64; 4]> = points
-        .iter()
-        .map(|p| (x(p.seconds), y(p.error)))
-        .map(|(at, up)| [at - 4.0, at + 4.0, up - 4.0, up + 4.0])
-        .collect();
-    for p in &points {
-        let (at, up) = (x(p.seconds), y(p.error));
-        let _ = write!(
-            svg,
-            "<circle class=\"c2\" cx=\"{}\" cy=\"{}\" r=\"3.2\"><title>{}: {} s, {}</title></circle>",
-            px(at),
-            px(up),
-            escape(&p.name),
-            fixed(p.seconds, 1),
-            significant(p.error, 3)
-        );
-        let width = 5.0 * p.name.chars().count() as f64;
-        // The nearest free place on either side; a point without one keeps its name as a tooltip.
-        let places = [0.0, -9.0, 9.0, -18.0, 18.0].into_iter().flat_map(|d| [(false, d), (true, d)]);
-        let place = places
-            .map(|(to_left, d)| {
-                let from = if to_left { at - 7.0 - width } else { at + 7.0 };
-                (to_left, [from, from + width, up + d - 5.0, up + d + 5.0])
-            })
-            .find(|(_, [from, to, top, bottom])| {
-                let inside = *from >= BOX[0] && *to <= BOX[2] && *top >= BOX[1] - 5.0 && *bottom <= BOX[3];
-                inside && taken.iter().all(|t| *to < t[0] || *from > t[1] || *bottom < t[2] || *top > t[3])
-            });
-        if let Some((to_left, name)) = place {
-            taken.push(name);
-            let class = if to_left { "end minor" } else { "minor" };
-            let _ = write!(
-                svg,
-                "<text class=\"{class}\" x=\"{}\" y=\"{}\">{}</text>",
-                px(if to_left { name[1] } else { name[0] }),
-                px(name[2] + 8.5),
-                escape(&p.name.replace('_', " "))
-            );
-        }
-    }
-    svg.push_str("</svg></figure>");
-    svg
 }

@@ -12,7 +12,7 @@ use coupling::knee::muscles::Muscles;
 const SIZE: [f64; 2] = [340.0, 220.0];
 const MARGIN: [f64; 4] = [44.0, 12.0, 16.0, 34.0];
 /// Titles of the coordinates, with their units.
-const COORDINATES: [(&str, &str); 6] = [
+pub(super) const COORDINATES: [(&str, &str); 6] = [
     ("Flexion", "degrees"),
     ("Rotation", "degrees"),
     ("Medial tilt", "degrees"),
@@ -22,7 +22,7 @@ const COORDINATES: [(&str, &str); 6] = [
 ];
 
 /// A curve: its name, class, whether it is drawn as points, and its points.
-type Curve = (&'static str, &'static str, bool, Vec<[f64; 2]>);
+pub(super) type Curve = (&'static str, &'static str, bool, Vec<[f64; 2]>);
 
 /// The page.
 pub fn page(results: &Results) -> String {
@@ -146,7 +146,7 @@ fn muscles(bent: &Bent, tissue: &Muscles) -> String {
 }
 
 /// Curves over the flexion of the knee.
-fn figure((title, unit): (&str, &str), curves: &[Curve]) -> String {
+pub(super) fn figure((title, unit): (&str, &str), curves: &[Curve]) -> String {
     let all = || curves.iter().flat_map(|c| c.3.iter()).filter(|p| p[1].is_finite());
     let ends = |c: usize| {
         let (lo, hi) = all().fold((f64::MAX, f64::MIN), |(lo, hi), p| (lo.min(p[c]), hi.max(p[c])));

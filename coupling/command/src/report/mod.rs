@@ -9,6 +9,8 @@ pub mod anatomy;
 pub mod both;
 pub mod compare;
 pub mod cost;
+mod decades;
+pub mod deep_cost;
 pub mod deep_flexion;
 mod details;
 mod figures;
