@@ -133,6 +133,45 @@ fn a_made_knee_goes_through_deep_flexion_without_data() {
     assert!(page.contains("the knee is made by the program") && !page.contains("points: measured"));
 }
 
+/// What a knee took stands beside how far its patella is from that of the most detailed one; a knee that a killed run has finished is taken over.
+#[test]
+fn knees_are_laid_beside_each_other_over_the_time_that_they_take() {
+    let folder = tempfile::tempdir().unwrap();
+    let cost = |more: &[&str]| {
+        let asked = ["cost", "deep_flexion", "--out", "o"];
+        sartorius(&asked.iter().chain(more).copied().collect::<Vec<_>>(), folder.path())
+    };
+    for (more, words) in [
+        (&["--only", "deep_flexion_fool"][..], ["no knee", "did you mean `deep_flexion_full`"]),
+        (&["--scene", "walker"], ["bends knees", "without --scene"]),
+    ] {
+        let output = cost(more);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
+    let (out, only) = (folder.path().join("o"), ["--only", "deep_flexion"]);
+    let output = cost(&only);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = || std::fs::read_to_string(out.join("cost.csv")).unwrap();
+    let first = table();
+    let row: Vec<&str> = first.lines().nth(1).unwrap().split(',').collect();
+    // It is its own reference.
+    assert!(row[0] == "deep_flexion" && row[3].parse::<f64>().unwrap() > 0.0, "{first}");
+    assert_eq!(row[9..15], ["0"; 6], "{first}");
+    // Another patella in the tables of the run that was killed: the same seconds, and where it was put.
+    let patella = out.join("rungs/deep_flexion/patella.csv");
+    let moved = std::fs::read_to_string(&patella).unwrap().replacen("\n0,", "\n1,", 1);
+    std::fs::write(&patella, moved).unwrap();
+    std::fs::remove_file(out.join("run.json")).unwrap();
+    assert_eq!(cost(&[&only[..], &["--resume"]].concat()).status.code(), Some(0));
+    assert_eq!(table(), first);
+    assert!(std::fs::read_to_string(&patella).unwrap().contains("\n1,"));
+    // Without --resume it is bent anew.
+    assert_eq!(cost(&only).status.code(), Some(0));
+    assert!(std::fs::read_to_string(&patella).unwrap().contains("\n0,"));
+}
+
 /// Guarded, no triangle of the cartilage of its patella goes through one of its femur, and the cartilages of its tibia overlap by no more than is
 /// allowed.
 #[test]

@@ -7,7 +7,7 @@ use fem::run::{Drive, DriveFrame, Frame, Run, Session};
 use fem::solve::{Settings, SolveError};
 use nalgebra::Point3;
 
-use super::muscles::MuscleState;
+use super::muscles::{MUSCLES, MuscleState};
 use super::pose::Coordinates;
 use super::rigid::{RigidKnee, StrandState};
 
@@ -19,6 +19,8 @@ const APPROACH: f64 = 2.5;
 const DOUBLED: i32 = 5;
 /// Strain beyond which a strand is told of.
 const STRETCHED: f64 = 0.3;
+/// Stretch beyond which a muscle is told of: fibres overlap no more at 1.7 times the length at which they pull best, and no muscle is passive there.
+const DRAWN_OUT: f64 = 2.0;
 
 /// The patella at a pose of the tibia.
 #[derive(Clone, Debug)]
@@ -138,6 +140,13 @@ impl Bent {
             (most.0 > STRETCHED).then_some((name.as_str(), most.0, most.1))
         });
         stretched.collect()
+    }
+
+    /// The muscle that is drawn out most somewhere, if beyond twice its length: its name, to how many times, and the flexion \[degrees\] there.
+    pub fn drawn_out(&self) -> Option<(&'static str, f64, f64)> {
+        let all = self.frames.iter().filter_map(|f| Some((f.muscles?.drawn_out, f.tibia.flexion)));
+        let ((head, most), flexion) = all.max_by(|a, b| a.0.1.total_cmp(&b.0.1))?;
+        (most > DRAWN_OUT).then_some((MUSCLES[head], most, flexion))
     }
 
     /// Why it ends early, in words.

@@ -165,5 +165,11 @@ fn notes(deep: &Bent) -> Vec<String> {
         );
         (heads + femur > 0).then_some(told)
     });
-    stretched.chain(crossed).collect()
+    let drawn_out = deep.drawn_out().map(|(name, times, flexion)| {
+        format!(
+            "a cell of {} is drawn out to {times:.1} times its length at {flexion:.1} degrees; no muscle bears that, and it is passive tissue without fibres here",
+            name.replace('_', " ")
+        )
+    });
+    stretched.chain(drawn_out).chain(crossed).collect()
 }

@@ -141,12 +141,22 @@ fn muscles(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
         "rectus_stress_greatest_Pa",
         "least_volume_ratio",
         "least_det_f",
+        "greatest_stretch",
         "crossings_of_heads",
         "crossings_of_head_and_femur",
     ])?;
     for (f, m) in bent.frames.iter().filter_map(|f| Some((f, f.muscles?))) {
         let [heads, femur] = m.crossings.map(|n| n as f64);
-        let row = [f.tibia.flexion, m.stress[0], m.stress[1], m.least_volume, f.least_det_f, heads, femur];
+        let row = [
+            f.tibia.flexion,
+            m.stress[0],
+            m.stress[1],
+            m.least_volume,
+            f.least_det_f,
+            m.drawn_out.1,
+            heads,
+            femur,
+        ];
         csv.write_record(row.map(|v| v.to_string()))?;
     }
     csv.flush()

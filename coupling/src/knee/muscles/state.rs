@@ -1,8 +1,11 @@
 //! What is measured of muscles at a pose: stress, volume, and whether something goes through something.
 
 use fem::measure::{Snapshot, intersections, solid_field};
+use fem::mesh::{CellBlock, CellKind};
 use fem::plan::Plan;
 use mesher::MusclePart;
+
+use nalgebra::Point3;
 
 use super::{MUSCLES, Muscles, RECTUS};
 
@@ -16,6 +19,8 @@ pub struct MuscleState {
     pub stress: [f64; 2],
     /// Least volume of a cell over that at rest.
     pub least_volume: f64,
+    /// The head with the edge of a cell that is drawn out most, by its number in [`MUSCLES`], and to how many times its length at rest.
+    pub drawn_out: (usize, f64),
     /// Pairs of triangles that intersect: of two heads, and of a head and the femur beside what grows from it.
     pub crossings: [usize; 2],
 }
@@ -24,7 +29,14 @@ impl MuscleState {
     /// Measures.
     pub fn of(plan: &Plan, at: Snapshot, muscles: &Muscles) -> MuscleState {
         let mut least_volume = f64::INFINITY;
-        for name in MUSCLES {
+        let mut drawn_out = (0, 0.0);
+        for (head, name) in MUSCLES.into_iter().enumerate() {
+            let of_head = |b: &&CellBlock| b.kind == CellKind::Hex8 && b.name == name;
+            let longest =
+                plan.mesh.blocks.iter().filter(of_head).map(|b| stretch(plan, at, b)).fold(0.0, f64::max);
+            if longest > drawn_out.1 {
+                drawn_out = (head, longest);
+            }
             for region in [name.to_string(), MusclePart::Tendon.of(name)] {
                 let cells = solid_field(plan, at, &region).unwrap_or_default();
                 least_volume = cells.iter().map(|c| c.volume_ratio).fold(least_volume, f64::min);
@@ -47,7 +59,22 @@ impl MuscleState {
         MuscleState {
             stress: [percentile, stresses.last()].map(|s| s.map_or(0.0, |s| s[0])),
             least_volume,
+            drawn_out,
             crossings: [of_heads, of_femur],
         }
     }
+}
+
+/// To how many times its length at rest the edge of a cell is drawn out at most.
+fn stretch(plan: &Plan, at: Snapshot, block: &CellBlock) -> f64 {
+    let now = at.x.as_chunks::<3>().0;
+    let long = |points: &[[f64; 3]], [a, b]: [u32; 2]| {
+        let [a, b] = [a, b].map(|n| Point3::from(points[n as usize]));
+        (b - a).norm()
+    };
+    let edges = block.cells().flat_map(|cell| {
+        let sides = block.kind.faces().iter().flat_map(|face| (0..4).map(|k| [face[k], face[(k + 1) % 4]]));
+        sides.map(|edge| edge.map(|n| cell[n]))
+    });
+    edges.map(|edge| long(now, edge) / long(&plan.mesh.points, edge)).fold(0.0, f64::max)
 }
