@@ -70,6 +70,9 @@ pub(super) fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, Com
 
     let rungs = Rungs::new(endings);
     out.write("cost.csv", |w| write_cost(w, &rungs))?;
+    if let Some(picture) = rungs.picture() {
+        out.write("cost.svg", |w| w.write_all(picture.as_bytes()))?;
+    }
     out.write("report.html", |w| w.write_all(rungs.page().as_bytes()))?;
     record.reason = rungs.missing();
     if record.reason.is_some() {

@@ -34,7 +34,7 @@ enum Pull {
     Tissue(Resolution),
 }
 
-/// All of them. With muscles the way begins where that of the study does.
+/// All of them, from the least to the most detailed one. With muscles the way begins where that of the study does.
 pub static KNEES: [Knee; 4] = [
     Knee {
         name: "deep_flexion",
@@ -43,21 +43,21 @@ pub static KNEES: [Knee; 4] = [
         first: 0.0,
     },
     Knee {
-        name: "deep_flexion_full",
-        what: "The same from 25 degrees on, its quadriceps passive tissue, cells of 4 mm.",
-        quadriceps: Pull::Tissue(Resolution { edge: 4e-3, cell: None }),
+        name: "deep_flexion_embedded",
+        what: "The same from 25 degrees on, its quadriceps passive tissue, cells of 10 mm, the vasti in cubes of 20 mm.",
+        quadriceps: Pull::Tissue(Resolution { edge: 10e-3, cell: Some(20e-3) }),
         first: 25.0,
     },
     Knee {
         name: "deep_flexion_coarse",
-        what: "The same with cells of 10 mm.",
+        what: "The same without cubes.",
         quadriceps: Pull::Tissue(Resolution { edge: 10e-3, cell: None }),
         first: 25.0,
     },
     Knee {
-        name: "deep_flexion_embedded",
-        what: "The same with cells of 10 mm, and the vasti in cubes of 20 mm.",
-        quadriceps: Pull::Tissue(Resolution { edge: 10e-3, cell: Some(20e-3) }),
+        name: "deep_flexion_full",
+        what: "The same with cells of 4 mm.",
+        quadriceps: Pull::Tissue(Resolution { edge: 4e-3, cell: None }),
         first: 25.0,
     },
 ];

@@ -6,7 +6,7 @@ use coupling::cost::ladder::{Ladder, Owner};
 use coupling::cost::rung::{Deviation, Ending, LEAST_FORCE, SECTION_FORCE, Taken};
 use coupling::number::{fixed, significant, with_error};
 
-use super::decades::{Dot, decades};
+use super::decades::{Dot, decades, picture};
 use super::page::{document, grid, section, table};
 use super::svg::escape;
 
@@ -200,22 +200,7 @@ pub fn cost_page(report: &CostReport) -> String {
 
 /// The curve as a picture of its own (SVG), for other pages and for print.
 pub fn cost_picture(report: &CostReport) -> String {
-    let figure = curve_figure(report);
-    let from = figure.find("<svg").unwrap_or(0);
-    let to = figure.find("</figure>").unwrap_or(figure.len());
-    let opened = figure[from..to].replacen(
-        "<svg ",
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"840\" height=\"570\" ",
-        1,
-    );
-    let style = "<style>text{font:11px sans-serif;fill:#5c6670}.mid{text-anchor:middle}.end{text-anchor:end}.minor{font-size:9.5px}.axis{stroke:#5c6670;fill:none}\
-                 .gridline{stroke:#e9ecef;fill:none}.bound{stroke:#1b1f24;stroke-dasharray:5 3;stroke-opacity:.65;fill:none}.line{fill:none;stroke-width:1.9}\
-                 .c1{stroke:#0072b2}.c2{stroke:#d55e00;fill:#d55e00}path.c1{fill:none}</style>\
-                 <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
-    match opened.find('>') {
-        Some(end) => format!("{}{style}{}\n", &opened[..=end], &opened[end + 1..]),
-        None => opened,
-    }
+    picture(&curve_figure(report))
 }
 
 fn curve_figure(report: &CostReport) -> String {

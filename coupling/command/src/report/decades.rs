@@ -170,3 +170,22 @@ pub fn decades(title: &str, quantity: &str, mut points: Vec<Dot>, ideal: bool) -
     svg.push_str("</svg></figure>");
     svg
 }
+
+/// A figure as a picture of its own (SVG), for other pages and for print.
+pub fn picture(figure: &str) -> String {
+    let from = figure.find("<svg").unwrap_or(0);
+    let to = figure.find("</figure>").unwrap_or(figure.len());
+    let opened = figure[from..to].replacen(
+        "<svg ",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"840\" height=\"570\" ",
+        1,
+    );
+    let style = "<style>text{font:11px sans-serif;fill:#5c6670}.mid{text-anchor:middle}.end{text-anchor:end}.minor{font-size:9.5px}.axis{stroke:#5c6670;fill:none}\
+                 .gridline{stroke:#e9ecef;fill:none}.bound{stroke:#1b1f24;stroke-dasharray:5 3;stroke-opacity:.65;fill:none}.line{fill:none;stroke-width:1.9}\
+                 .c1{stroke:#0072b2}.c2{stroke:#d55e00;fill:#d55e00}path.c1{fill:none}</style>\
+                 <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>";
+    match opened.find('>') {
+        Some(end) => format!("{}{style}{}\n", &opened[..=end], &opened[end + 1..]),
+        None => opened,
+    }
+}

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use coupling::knee::pose::PATELLA;
 use coupling::number::{fixed, plain, significant};
 
-use super::decades::{Dot, decades};
+use super::decades::{Dot, decades, picture};
 use super::deep_flexion::{COORDINATES, Curve, figure};
 use super::page::{document, grid, list, section, table};
 use super::svg::escape;
@@ -13,8 +13,8 @@ use crate::output::deep_flexion::Read;
 
 /// Classes of the curves, knee by knee.
 const CLASSES: [&str; 6] = ["c1", "c2", "c3", "c4", "c5", "c6"];
-/// How far off coordinates are called on the page, degrees and millimetres apart.
-const APART: [(&str, std::ops::Range<usize>); 2] = [("turn, degrees", 0..3), ("shift, mm", 3..6)];
+/// Coordinates that are alike: what they are, and their unit.
+const APART: [(&str, &str, std::ops::Range<usize>); 2] = [("Turn", "degrees", 0..3), ("Shift", "mm", 3..6)];
 
 /// A knee and how it ended.
 pub struct Ending {
@@ -90,9 +90,8 @@ impl Solved {
 impl Rungs {
     /// The most detailed one that was asked for is what the others are measured against.
     pub fn new(endings: Vec<Ending>) -> Rungs {
-        // Named by its place in the list, whichever was solved: another reference would mean other numbers.
-        let most = |e: &&Ending| u64::from(e.name == "deep_flexion_full");
-        let reference = endings.iter().rev().max_by_key(most);
+        // Whether it was solved or not: another reference would mean other numbers.
+        let reference = endings.last();
         let name = reference.map_or("", |e| e.name);
         let poses = |tables: &Read| PATELLA.map(|c| tables.curve(c));
         let against = reference.and_then(|e| e.solved.as_ref().ok()).map(|(_, tables)| poses(tables));
@@ -167,27 +166,33 @@ impl Rungs {
         Ok(())
     }
 
+    /// Every knee that has such a number.
+    fn dots(&self, of: impl Fn(&Solved) -> Option<f64>) -> Vec<Dot> {
+        let dot =
+            |(name, s): (&str, &Solved)| Some(Dot { name: name.into(), seconds: s.way_s, value: of(s)? });
+        self.solved().filter_map(dot).collect()
+    }
+
+    /// The farthest of coordinates that are alike against seconds.
+    fn apart(&self, (what, unit, which): (&str, &str, std::ops::Range<usize>)) -> String {
+        let dots = self.dots(|s| s.largest(which.clone()));
+        decades(&format!("{what} from the patella of {}", self.reference), unit, dots, false)
+    }
+
+    /// The shift against seconds as a picture of its own (SVG); none where no knee is measured against another one.
+    pub fn picture(&self) -> Option<String> {
+        let [_, shift] = APART;
+        let figure = self.apart(shift);
+        (!figure.is_empty()).then(|| picture(&figure))
+    }
+
     /// The whole page.
     pub fn page(&self) -> String {
         let mut body =
             "<header><p class=\"eyebrow\">What accuracy costs</p><h1>Deep flexion of a knee</h1></header>\n"
                 .to_string();
-        let dots = |of: &dyn Fn(&Solved) -> Option<f64>| {
-            let dot =
-                |(name, s): (&str, &Solved)| Some(Dot { name: name.into(), seconds: s.way_s, value: of(s)? });
-            self.solved().filter_map(dot).collect::<Vec<_>>()
-        };
-        let mut figures: Vec<String> = APART
-            .map(|(what, which)| {
-                decades(
-                    &format!("Apart from {}", self.reference),
-                    what,
-                    dots(&|s| s.largest(which.clone())),
-                    false,
-                )
-            })
-            .into();
-        let sums = dots(&|s| s.sum);
+        let mut figures: Vec<String> = APART.map(|which| self.apart(which)).into();
+        let sums = self.dots(|s| s.sum);
         if !sums.is_empty() {
             figures.push(decades("Against the measured poses", "sum of NRMSD", sums, false));
         }
