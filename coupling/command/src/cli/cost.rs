@@ -6,24 +6,23 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use multibody::error::unknown;
 
 use super::progress::Progress;
 use super::rung::Rung;
-use super::{OutArguments, Outcome, deep_cost, tell};
+use super::{OutArguments, Outcome, known_names, tell};
 use crate::error::CommandError;
 use crate::output::atomic::OutputFolder;
 use crate::output::cost::{write_axes, write_cost, write_errors};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::cost::{CostReport, cost_page, cost_picture};
+use coupling::comparison::Sized;
 use coupling::comparison::estimate::Expected;
 use coupling::comparison::speed::iteration_seconds;
-use coupling::comparison::{STAGES, Sized};
 use coupling::configuration::PerConfiguration;
 use coupling::cost::curve::Curve;
 use coupling::cost::ladder::Ladder;
-use coupling::cost::rung::{Deviation, Ending, Taken, read_numbers};
+use coupling::cost::rung::{Deviation, Ending, read_numbers};
 use coupling::fibres::cache::program_hash;
 use coupling::number::plain;
 
@@ -32,7 +31,7 @@ pub struct CostArguments {
     /// Ladder file (TOML): a scene, and keys of it that go from coarse to fine. Or `deep_flexion`: the knees of `step`, whose quadriceps is more or
     /// less detailed.
     #[arg(default_value = "walker")]
-    ladder: PathBuf,
+    pub(super) ladder: PathBuf,
     /// Scene in place of the ladder's: a file, or the name of a shipped one.
     #[arg(long, value_name = "SCENE")]
     pub(super) scene: Option<PathBuf>,
@@ -83,9 +82,6 @@ impl Before {
 
 /// Runs the command.
 pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandError> {
-    if arguments.ladder.as_os_str() == deep_cost::NAME {
-        return deep_cost::run(arguments, quiet);
-    }
     let data = arguments.data.as_deref();
     let mut ladder = Ladder::read(&arguments.ladder, arguments.scene.as_deref(), data)?;
     only(&mut ladder, &arguments.only)?;
@@ -167,15 +163,8 @@ fn only(ladder: &mut Ladder, names: &[String]) -> Result<(), CommandError> {
     if names.is_empty() {
         return Ok(());
     }
-    for name in names {
-        let known = || ladder.axes.iter().map(|axis| axis.name.as_str());
-        if !known().any(|n| n == name) {
-            return Err(CommandError::Option(format!(
-                "--only names `{name}`, which is no axis of the ladder; {}",
-                unknown(name, "its axes are", known())
-            )));
-        }
-    }
+    let known = ladder.axes.iter().map(|axis| axis.name.as_str());
+    known_names(names, known, ["axis of the ladder", "its axes are"])?;
     ladder.keep_axes(|axis| names.contains(&axis.name));
     Ok(())
 }
@@ -195,30 +184,11 @@ fn ending(
         data: arguments.data.as_deref(),
         resume: arguments.resume,
     };
-    Ok(match rung.run(out)? {
+    let numbers = |_: &serde_json::Value, folder: &Path| read_numbers(&folder.join("quantities.csv")).ok();
+    Ok(match rung.run(out, numbers)? {
         Err(why) => Ending::Failed(why),
-        Ok(run) => match read_numbers(&rung.folder(out).join("quantities.csv")) {
-            Err(why) => Ending::Failed(why),
-            Ok(numbers) => Ending::Solved { taken: taken(&run), numbers },
-        },
+        Ok((taken, numbers)) => Ending::Solved { taken, numbers },
     })
-}
-
-/// What a run took, as its `run.json` says.
-fn taken(run: &serde_json::Value) -> Taken {
-    let stages: BTreeMap<String, f64> = serde_json::from_value(run["seconds"].clone()).unwrap_or_default();
-    // Those of coarser meshes are named after it.
-    let calibrations = stages.iter().filter(|(name, _)| name.starts_with(STAGES[2]));
-    let calibration: f64 = calibrations.map(|(_, seconds)| seconds).sum();
-    let count = |key: &str| run["size"][key].as_u64().unwrap_or(0) as usize;
-    Taken {
-        elements: count("elements"),
-        unknowns: count("unknowns"),
-        seconds: stages.values().sum::<f64>() - calibration,
-        calibration_seconds: calibration,
-        peak_mib: run["peak_memory_mib"].as_f64(),
-        stages,
-    }
 }
 
 /// The best combinations: for every mesh the cheapest settings on the other axes whose own errors are small beside that of the mesh.

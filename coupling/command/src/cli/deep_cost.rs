@@ -1,22 +1,20 @@
 //! `sartorius cost deep_flexion`: the knees of `step` beside each other, how far each is from the most detailed one, and what it took.
 
 use std::io::Write;
+use std::path::Path;
 
-use multibody::error::unknown;
-
-use super::Outcome;
 use super::cost::CostArguments;
-use super::deep_flexion::KNEES;
+use super::deep_flexion::{KNEES, scene};
 use super::progress::Progress;
 use super::rung::Rung;
+use super::{Outcome, known_names};
 use crate::error::CommandError;
 use crate::output::atomic::OutputFolder;
 use crate::output::deep_flexion::Read;
-use crate::output::origin::{Again, InputFile};
+use crate::output::origin::Again;
 use crate::output::run::{RunRecord, RunStatus, peak_memory_mib};
 use crate::report::deep_cost::{Ending, Rungs, write_cost};
 use coupling::fibres::cache::program_hash;
-use coupling::knee::deep::DeepFlexion;
 
 /// What a person calls them all.
 pub(super) const NAME: &str = "deep_flexion";
@@ -26,24 +24,12 @@ pub(super) fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, Com
     if arguments.scene.is_some() {
         return Err(CommandError::Option(format!("`cost {NAME}` bends knees; run it without --scene")));
     }
-    let known = || KNEES.iter().map(|knee| knee.name);
-    if let Some(name) = arguments.only.iter().find(|name| !known().any(|n| n == *name)) {
-        return Err(CommandError::Option(format!(
-            "--only names `{name}`, which is no knee; {}",
-            unknown(name, "they are", known())
-        )));
-    }
-    let chosen: Vec<&str> = known()
-        .filter(|name| arguments.only.is_empty() || arguments.only.iter().any(|n| n == name))
-        .collect();
+    let known = KNEES.iter().map(|knee| knee.name);
+    known_names(&arguments.only, known.clone(), ["knee", "they are"])?;
+    let chosen: Vec<&str> =
+        known.filter(|name| arguments.only.is_empty() || arguments.only.iter().any(|n| n == name)).collect();
     let mut record = RunRecord::new("cost");
-    let scene = match arguments.data.as_deref() {
-        Some(data) => DeepFlexion::find(data)?,
-        None => DeepFlexion::made()?,
-    };
-    for file in &scene.files {
-        record.inputs.push(InputFile::of(file)?);
-    }
+    scene(arguments.data.as_deref(), &mut record)?;
     let files: String = record.inputs.iter().map(|file| file.sha256.as_str()).collect();
     let claim = arguments.out.claim("cost", NAME)?;
     let folder = claim.path();
@@ -60,9 +46,10 @@ pub(super) fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, Com
             data: arguments.data.as_deref(),
             resume: arguments.resume,
         };
-        let run = rung.run(&mut out)?;
-        let solved = run.and_then(|run| Ok((run, Read::of(&rung.folder(&out))?)));
-        endings.push(Ending { name, solved });
+        let read = |run: &serde_json::Value, folder: &Path| {
+            Some((run["verdict"]["nrmsd_sum"].as_f64(), Read::of(folder).ok()?))
+        };
+        endings.push(Ending { name, solved: rung.run(&mut out, read)? });
         progress.lap(name);
     }
     record.seconds = progress.seconds().to_vec();

@@ -67,6 +67,18 @@ pub fn meant(scene: &Path) -> Option<&'static Knee> {
     KNEES.iter().find(|knee| scene.as_os_str() == knee.name)
 }
 
+/// The knee of a folder of data, or a made one; the record has its files.
+pub(super) fn scene(data: Option<&Path>, record: &mut RunRecord) -> Result<DeepFlexion, CommandError> {
+    let scene = match data {
+        Some(data) => DeepFlexion::find(data)?,
+        None => DeepFlexion::made()?,
+    };
+    for file in &scene.files {
+        record.inputs.push(InputFile::of(file)?);
+    }
+    Ok(scene)
+}
+
 /// Runs the command.
 pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcome, CommandError> {
     let name = meant.name;
@@ -75,13 +87,7 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     }
     let mut record = RunRecord::new("step");
     let mut progress = Progress::new(&["read", "knee", "bend", "measured", "write"], quiet);
-    let scene = match arguments.data.as_deref() {
-        Some(data) => DeepFlexion::find(data)?,
-        None => DeepFlexion::made()?,
-    };
-    for file in &scene.files {
-        record.inputs.push(InputFile::of(file)?);
-    }
+    let scene = scene(arguments.data.as_deref(), &mut record)?;
     progress.lap("read");
     let build = || match meant.quadriceps {
         Pull::Forces(_) => scene.knee(ContactMode::Cheap),

@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use multibody::error::unknown;
 
 use crate::error::CommandError;
 use crate::output::claim::{Claim, Identity};
@@ -84,6 +85,21 @@ impl OutArguments {
 fn tell(doubts: &[String]) {
     for doubt in doubts {
         coupling::say!("note: {doubt}");
+    }
+}
+
+/// Refuses an `--only` that names what there is not. The last argument: what it is not, and the words before those that there are.
+fn known_names<'a>(
+    only: &[String],
+    known: impl Iterator<Item = &'a str> + Clone,
+    [what, they_are]: [&str; 2],
+) -> Result<(), CommandError> {
+    match only.iter().find(|name| !known.clone().any(|n| n == *name)) {
+        None => Ok(()),
+        Some(name) => Err(CommandError::Option(format!(
+            "--only names `{name}`, which is no {what}; {}",
+            unknown(name, they_are, known)
+        ))),
     }
 }
 
@@ -165,6 +181,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Mesh(arguments) => mesh::run(&arguments, quiet),
         Command::Compare(arguments) => compare::run(&arguments, quiet),
         Command::Step(arguments) => step::run(&arguments, quiet),
+        Command::Cost(arguments) if arguments.ladder.as_os_str() == deep_cost::NAME => {
+            deep_cost::run(&arguments, quiet)
+        }
         Command::Cost(arguments) => cost::run(&arguments, quiet),
         Command::Solve(arguments) => solve::run(&arguments, quiet),
         Command::Study(arguments) => study::run(&arguments, quiet),

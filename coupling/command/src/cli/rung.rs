@@ -1,5 +1,6 @@
 //! A scene computed by a process of its own: its memory is its own, its end ends nothing else, and it does not outlive this one.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -13,6 +14,8 @@ use crate::output::OutputError;
 use crate::output::atomic::OutputFolder;
 use crate::output::claim::RUN_FILE;
 use crate::program;
+use coupling::comparison::STAGES;
+use coupling::cost::rung::Taken;
 
 /// Folder of the rungs.
 pub(super) const RUNGS: &str = "rungs";
@@ -31,14 +34,14 @@ pub(super) struct Rung<'a> {
 }
 
 impl Rung<'_> {
-    /// Folder of its results.
-    pub fn folder(&self, out: &OutputFolder) -> PathBuf {
-        out.path().join(RUNGS).join(self.name)
-    }
-
-    /// Computes it, or takes over what a run left that was killed: what its `run.json` says, or why it has no numbers.
-    pub fn run(&self, out: &mut OutputFolder) -> Result<Result<Value, String>, CommandError> {
-        let folder = self.folder(out);
+    /// Computes it, or takes over what a run left that was killed: what it took and what `read` finds in its `run.json` and folder, or why it has
+    /// no numbers. What cannot be read is not there.
+    pub fn run<T>(
+        &self,
+        out: &mut OutputFolder,
+        read: impl Fn(&Value, &Path) -> Option<T>,
+    ) -> Result<Result<(Taken, T), String>, CommandError> {
+        let folder = out.path().join(RUNGS).join(self.name);
         let name = format!("{RUNGS}/{}.toml", self.name);
         let file = out.path().join(&name);
         let is_same = fs::read_to_string(&file).is_ok_and(|text| text == self.text);
@@ -49,7 +52,7 @@ impl Rung<'_> {
             }
         }
         out.write(&name, |w| w.write_all(self.text.as_bytes()))?;
-        if let Some(ending) = found(&folder) {
+        if let Some(ending) = found(&folder, &read) {
             return Ok(ending);
         }
         if let Some((needed, free)) =
@@ -62,7 +65,7 @@ impl Rung<'_> {
         let scene = self.known.map_or(file, PathBuf::from);
         let output = step(&scene, &folder, self.data, resume)
             .map_err(|e| CommandError::Option(format!("cannot start a rung: {e}")))?;
-        Ok(found(&folder).unwrap_or_else(|| {
+        Ok(found(&folder, &read).unwrap_or_else(|| {
             let said = String::from_utf8_lossy(&output.stderr);
             Err(match output.status.code() {
                 Some(_) => said.trim().trim_start_matches("error: ").to_string(),
@@ -73,12 +76,29 @@ impl Rung<'_> {
 }
 
 /// What a complete folder of a rung says.
-fn found(folder: &Path) -> Option<Result<Value, String>> {
+fn found<T>(folder: &Path, read: impl Fn(&Value, &Path) -> Option<T>) -> Option<Result<(Taken, T), String>> {
     let text = fs::read_to_string(folder.join(RUN_FILE)).ok()?;
     let run: Value = serde_json::from_str(&text).ok()?;
     Some(match run["status"] == "solved" {
-        true => Ok(run),
+        true => Ok((taken(&run)?, read(&run, folder)?)),
         false => Err(run["reason"].as_str().unwrap_or("not solved").to_string()),
+    })
+}
+
+/// What a run took, as its `run.json` says.
+fn taken(run: &Value) -> Option<Taken> {
+    let stages: BTreeMap<String, f64> = serde_json::from_value(run["seconds"].clone()).ok()?;
+    // Those of coarser meshes are named after it.
+    let calibrations = stages.iter().filter(|(name, _)| name.starts_with(STAGES[2]));
+    let calibration: f64 = calibrations.map(|(_, seconds)| seconds).sum();
+    let count = |key: &str| run["size"][key].as_u64().unwrap_or(0) as usize;
+    Some(Taken {
+        elements: count("elements"),
+        unknowns: count("unknowns"),
+        seconds: stages.values().sum::<f64>() - calibration,
+        calibration_seconds: calibration,
+        peak_mib: run["peak_memory_mib"].as_f64(),
+        stages,
     })
 }
 

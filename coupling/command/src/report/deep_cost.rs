@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use coupling::cost::rung::Taken;
 use coupling::knee::pose::PATELLA;
 use coupling::number::{fixed, plain, significant};
 
@@ -20,8 +21,8 @@ const APART: [(&str, &str, std::ops::Range<usize>); 2] = [("Turn", "degrees", 0.
 pub struct Ending {
     /// Name of the knee.
     pub name: &'static str,
-    /// Its `run.json` and tables, or why there are none.
-    pub solved: Result<(serde_json::Value, Read), String>,
+    /// What it took, the sum of its deviations from measured poses over their means, where there are some, and its tables; or why there are none.
+    pub solved: Result<(Taken, (Option<f64>, Read)), String>,
 }
 
 /// Knees from the least to the most detailed one.
@@ -39,12 +40,7 @@ struct Row {
 
 struct Solved {
     tables: Read,
-    elements: u64,
-    unknowns: u64,
-    /// From the first pose to the last \[s\], and with all before and after.
-    way_s: f64,
-    all_s: f64,
-    peak_mib: Option<f64>,
+    taken: Taken,
     /// Sum of deviations from measured poses over their means.
     sum: Option<f64>,
     /// Per coordinate from the reference, root mean square over the poses that both have \[degrees, mm\].
@@ -62,6 +58,11 @@ fn apart(a: &[[f64; 2]], b: &[[f64; 2]]) -> Option<f64> {
 }
 
 impl Solved {
+    /// From the first pose to the last \[s\].
+    fn way_s(&self) -> f64 {
+        self.taken.stages.get("bend").copied().unwrap_or(0.0)
+    }
+
     /// The greatest of coordinates that are alike.
     fn largest(&self, which: std::ops::Range<usize>) -> Option<f64> {
         Some(self.apart?[which].iter().copied().fold(0.0, f64::max))
@@ -94,10 +95,8 @@ impl Rungs {
         let reference = endings.last();
         let name = reference.map_or("", |e| e.name);
         let poses = |tables: &Read| PATELLA.map(|c| tables.curve(c));
-        let against = reference.and_then(|e| e.solved.as_ref().ok()).map(|(_, tables)| poses(tables));
-        let solved = |(run, tables): (serde_json::Value, Read)| {
-            let count = |key: &str| run["size"][key].as_u64().unwrap_or(0);
-            let second = |stage: &serde_json::Value| stage.as_f64().unwrap_or(0.0);
+        let against = reference.and_then(|e| e.solved.as_ref().ok()).map(|(_, (_, tables))| poses(tables));
+        let solved = |(taken, (sum, tables)): (Taken, (Option<f64>, Read))| {
             let apart_of = |own: [Vec<[f64; 2]>; 6], other: &[Vec<[f64; 2]>; 6]| {
                 let mut all = [0.0; 6];
                 for (c, value) in all.iter_mut().enumerate() {
@@ -106,12 +105,8 @@ impl Rungs {
                 Some(all)
             };
             Solved {
-                elements: count("elements"),
-                unknowns: count("unknowns"),
-                way_s: second(&run["seconds"]["bend"]),
-                all_s: run["seconds"].as_object().map_or(0.0, |all| all.values().map(second).sum()),
-                peak_mib: run["peak_memory_mib"].as_f64(),
-                sum: run["verdict"]["nrmsd_sum"].as_f64(),
+                taken,
+                sum,
                 apart: against.as_ref().and_then(|other| apart_of(poses(&tables), other)),
                 tables,
             }
@@ -133,7 +128,7 @@ impl Rungs {
     /// The table for programs.
     pub fn verdict(&self) -> serde_json::Value {
         let rows = self.solved().map(|(name, s)| {
-            serde_json::json!({ "knee": name, "way_s": s.way_s, "apart": s.apart, "nrmsd_sum": s.sum })
+            serde_json::json!({ "knee": name, "way_s": s.way_s(), "apart": s.apart, "nrmsd_sum": s.sum })
         });
         serde_json::json!({ "reference": self.reference, "knees": rows.collect::<Vec<_>>() })
     }
@@ -153,9 +148,9 @@ impl Rungs {
                     w,
                     "  {:<24}{:>9}{:>9}{:>9}{:>10}{:>10}{:>7}",
                     row.name,
-                    s.elements,
-                    plain(s.way_s, 1),
-                    number(s.peak_mib, 0),
+                    s.taken.elements,
+                    plain(s.way_s(), 1),
+                    number(s.taken.peak_mib, 0),
                     number(s.largest(0..3), 2),
                     number(s.largest(3..6), 2),
                     number(s.sum, 2)
@@ -169,7 +164,7 @@ impl Rungs {
     /// Every knee that has such a number.
     fn dots(&self, of: impl Fn(&Solved) -> Option<f64>) -> Vec<Dot> {
         let dot =
-            |(name, s): (&str, &Solved)| Some(Dot { name: name.into(), seconds: s.way_s, value: of(s)? });
+            |(name, s): (&str, &Solved)| Some(Dot { name: name.into(), seconds: s.way_s(), value: of(s)? });
         self.solved().filter_map(dot).collect()
     }
 
@@ -264,11 +259,11 @@ impl Rungs {
         let row = |(name, s): (&str, &Solved)| {
             let mut cells = vec![
                 name.to_string(),
-                s.elements.to_string(),
-                s.unknowns.to_string(),
-                fixed(s.way_s, 1),
-                fixed(s.all_s, 1),
-                number(s.peak_mib, 0),
+                s.taken.elements.to_string(),
+                s.taken.unknowns.to_string(),
+                fixed(s.way_s(), 1),
+                fixed(s.taken.seconds, 1),
+                number(s.taken.peak_mib, 0),
                 number(s.iterations(), 1),
                 number(s.least_det_f(), 2),
                 number(s.crossings(), 0),
@@ -303,13 +298,14 @@ pub fn write_cost(w: &mut dyn Write, rungs: &Rungs) -> io::Result<()> {
         let s = row.solved.as_ref().ok();
         let mut cells = vec![row.name.to_string()];
         cells.extend(
-            [s.map(|s| s.elements), s.map(|s| s.unknowns)]
+            [s.map(|s| s.taken.elements), s.map(|s| s.taken.unknowns)]
                 .map(|n| n.map_or(String::new(), |n| n.to_string())),
         );
         cells.extend(
-            [s.map(|s| s.way_s), s.map(|s| s.all_s)].map(|v| v.map_or(String::new(), |v| plain(v, 2))),
+            [s.map(|s| s.way_s()), s.map(|s| s.taken.seconds)]
+                .map(|v| v.map_or(String::new(), |v| plain(v, 2))),
         );
-        cells.push(s.and_then(|s| s.peak_mib).map_or(String::new(), |v| plain(v, 1)));
+        cells.push(s.and_then(|s| s.taken.peak_mib).map_or(String::new(), |v| plain(v, 1)));
         cells.extend(
             [Solved::iterations, Solved::least_det_f, Solved::crossings].map(|of| number(s.and_then(of))),
         );

@@ -1,10 +1,9 @@
 //! What is measured of muscles at a pose: stress, volume, and whether something goes through something.
 
 use fem::measure::{Snapshot, intersections, solid_field};
-use fem::mesh::{CellBlock, CellKind};
+use fem::mesh::CellBlock;
 use fem::plan::Plan;
 use mesher::MusclePart;
-
 use nalgebra::Point3;
 
 use super::{MUSCLES, Muscles, RECTUS};
@@ -31,9 +30,7 @@ impl MuscleState {
         let mut least_volume = f64::INFINITY;
         let mut drawn_out = (0, 0.0);
         for (head, name) in MUSCLES.into_iter().enumerate() {
-            let of_head = |b: &&CellBlock| b.kind == CellKind::Hex8 && b.name == name;
-            let longest =
-                plan.mesh.blocks.iter().filter(of_head).map(|b| stretch(plan, at, b)).fold(0.0, f64::max);
+            let longest = plan.mesh.block(name).map_or(0.0, |belly| stretch(plan, at, belly));
             if longest > drawn_out.1 {
                 drawn_out = (head, longest);
             }
