@@ -1,7 +1,7 @@
 //! `step deep_flexion`: does the patella of a real knee, and of one that the program makes, go through deep flexion in equilibrium, and is what cannot
 //! be computed refused or told?
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use coupling::knee::deep::DeepFlexion;
@@ -10,6 +10,7 @@ use coupling::knee::level::level;
 use coupling::knee::muscles::Resolution;
 use coupling::knee::pose::Coordinates;
 use coupling::knee::rigid::Quadriceps;
+use fem::geometry::Surface;
 use fem::mesh::LengthUnit;
 use fem::mesh::format::vtu::{self, Vtu};
 use fem::scene::ContactMode;
@@ -182,13 +183,12 @@ fn surfaces_of_a_made_knee_go_through_nothing() {
     let poses: Vec<Coordinates> = made.poses(0.0).into_iter().step_by(5).collect();
     let bent = flex(knee, &poses, 200.0, &Settings::default());
     assert!(bent.stopped.is_none(), "{:?}", bent.stopped_told());
-    for f in &bent.frames {
-        assert_eq!(made.crossings(&f.patella), 0, "{:?}", f.tibia);
-    }
+    let crossings = made.crossings(&bent.patellas());
+    assert!(crossings.len() == poses.len() && crossings.iter().all(|n| *n == 0), "{crossings:?}");
     // The test of crossings sees what it should: the patella 2 mm back.
     let mut pushed = bent.frames[0].patella;
     pushed.place[0] -= 2.0;
-    assert!(made.crossings(&pushed) > 0);
+    assert!(made.crossings(&[pushed])[0] > 0);
 }
 
 /// A tibia that is moved aside takes the patella out of its groove, and a quadriceps of twelve kilonewtons stretches the ligament beyond what any
@@ -207,7 +207,7 @@ fn what_no_knee_does_is_told() {
         |by: [f64; 3]| flex(made.knee(ContactMode::Cheap).unwrap(), &moved(by), 200.0, &Settings::default());
     let aside = bend([0.0, 0.0, 120.0]);
     let told = aside.stopped_told().expect("no patella stays in its groove so");
-    for word in ["groove", "flexion", "N mm left", "contact", "patellar_ligament_central_1"] {
+    for word in ["groove", "flexion", "left on the patella", "contact", "patellar_ligament_central_1"] {
         assert!(told.contains(word), "{word}: {told}");
     }
     // 12 kN of the quadriceps, sixty times what is meant.
@@ -252,7 +252,7 @@ fn a_patella_that_leaves_its_groove_is_not_solved() {
     for word in [
         "not solved: the patella",
         "flexion",
-        "N mm left on the patella",
+        "left on the patella (",
         "contact",
         "strands: patellar_ligament_lateral_1",
     ] {
@@ -365,20 +365,71 @@ fn what_cannot_be_bent_is_refused_with_all_its_mistakes() {
     let (code, text) = said(".");
     assert_eq!(code, Some(2), "{text}");
     assert!(
-        text.contains("tibia_path_deep.csv") && text.contains("row 5") && text.contains("overlap"),
+        text.contains("tibia_path_deep.csv")
+            && text.contains("line 6 (20 degrees)")
+            && text.contains("overlap"),
         "{text}"
     );
-    // A patella that is measured inside the femur.
-    copy("tibia_path_deep.csv", &|text| text);
-    let header = std::fs::read_to_string(tables.join("dynamic_mri_knee.csv")).unwrap();
-    let forward = header.lines().next().unwrap().split(',').position(|c| c == "patella_anterior_mm").unwrap();
-    copy("dynamic_mri_knee.csv", &spoilt(2, forward, "20.0"));
+    // Far up, beyond where the smooth distance to the femur is known, it goes through the shaft.
+    copy("tibia_path_deep.csv", &spoilt(5, 4, "200.0"));
+    let (code, text) = said(".");
+    assert!(code == Some(2) && text.contains("line 6 (20 degrees)"), "{text}");
+    // A table that has nothing of the way, and one that ends before it does.
+    let to = |most: f64, least: f64| {
+        move |text: String| -> String {
+            let is_kept = |line: &&str| {
+                let flexion = line.split(',').next().and_then(|cell| cell.parse::<f64>().ok());
+                flexion.is_none_or(|f| (least..=most).contains(&f))
+            };
+            text.lines().filter(is_kept).map(|line| format!("{line}\n")).collect()
+        }
+    };
+    copy("tibia_path_deep.csv", &to(140.0, 140.0));
+    let (code, text) = said(".");
+    assert!(code == Some(2) && text.contains("have nothing of the way from 0 to 137.5"), "{text}");
+    copy("tibia_path_deep.csv", &to(15.0, 0.0));
+    let (code, text) = said(".");
+    assert!(code == Some(0) && text.contains("note: ") && text.contains("is cut to that"), "{text}");
+    std::fs::remove_dir_all(folder.path().join("out")).unwrap();
+    // Mistakes of both tables at once: a jump in the one, in the other a tibia that turns.
+    let table = std::fs::read_to_string(tables.join("dynamic_mri_knee.csv")).unwrap();
+    let column = |name: &str| table.lines().next().unwrap().split(',').position(|c| c == name).unwrap();
+    copy("tibia_path_deep.csv", &spoilt(3, 2, "60.0"));
+    copy("dynamic_mri_knee.csv", &spoilt(5, column("knee_adduction_deg"), "40.0"));
     let (code, text) = said(".");
     assert_eq!(code, Some(2), "{text}");
-    assert!(
-        text.contains("the patella is in no groove") && text.contains("in front of the trochlea"),
-        "{text}"
-    );
+    for word in ["tibia_path_deep.csv", "line 4", "dynamic_mri_knee.csv", "line 6: the tibia turns by"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    copy("tibia_path_deep.csv", &|text| text);
+    copy("dynamic_mri_knee.csv", &spoilt(5, column("knee_proximal_mm"), "15.0"));
+    let (code, text) = said(".");
+    assert!(code == Some(2) && text.contains("dynamic_mri_knee.csv: line 6"), "{text}");
+    // The reference pose is found wherever its row is.
+    let turned = |text: String| -> String {
+        let (header, rows) = text.split_once('\n').unwrap();
+        let rows: Vec<&str> = rows.lines().collect();
+        std::iter::once(header).chain(rows.into_iter().rev()).map(|line| format!("{line}\n")).collect()
+    };
+    copy("dynamic_mri_knee.csv", &turned);
+    let found = DeepFlexion::find(folder.path()).unwrap();
+    assert_eq!(found.reference, subject().unwrap().reference);
+    // A patella that is measured inside the femur, beside it, and in front of it.
+    for (name, value, why) in [
+        ("patella_anterior_mm", "20.0", "still touches the femur"),
+        ("patella_lateral_mm", "33.65", "33.6 mm to lateral"),
+        ("patella_anterior_mm", "69.0", "mm off the femur, at most 10 mm"),
+        ("patella_anterior_mm", "255.0", "not beside the knee"),
+    ] {
+        copy("dynamic_mri_knee.csv", &spoilt(2, column(name), value));
+        let (code, text) = said(".");
+        assert_eq!(code, Some(2), "{text}");
+        for word in
+            ["dynamic_mri_knee.csv, line 3", "the patella is in no groove", why, "in front of the trochlea"]
+        {
+            assert!(text.contains(word), "{word}: {text}");
+        }
+    }
     // A femur with a hole.
     copy("dynamic_mri_knee.csv", &|text| text);
     std::fs::remove_file(folder.path().join("knee")).unwrap();
@@ -390,12 +441,54 @@ fn what_cannot_be_bent_is_refused_with_all_its_mistakes() {
         std::os::unix::fs::symlink(from, folder.path().join("knee").join(file.file_name())).unwrap();
     }
     // Binary STL: 80 bytes, the number of triangles, 50 bytes each.
-    let mut stl = std::fs::read(knee.join("../bones/femur_r.stl")).unwrap();
-    let n = u32::from_le_bytes(stl[80..84].try_into().unwrap()) - 1;
-    stl[80..84].copy_from_slice(&n.to_le_bytes());
-    stl.truncate(84 + 50 * n as usize);
-    std::fs::write(folder.path().join("bones/femur_r.stl"), stl).unwrap();
+    let broken = |name: &str, change: &dyn Fn(&mut Vec<[u8; 50]>)| {
+        let stl = std::fs::read(knee.join(name)).unwrap();
+        let mut triangles: Vec<[u8; 50]> =
+            stl[84..].chunks_exact(50).map(|t| t.try_into().unwrap()).collect();
+        change(&mut triangles);
+        let count = (triangles.len() as u32).to_le_bytes();
+        let bytes = [&stl[..80], &count, triangles.as_flattened()].concat();
+        let to = folder.path().join("knee").join(name);
+        let _ = std::fs::remove_file(&to);
+        std::fs::write(to, bytes).unwrap();
+    };
+    broken("../bones/femur_r.stl", &|t| t.truncate(t.len() - 1));
+    broken("tibial_cartilage_medial_r.stl", &Vec::clear);
+    // Two corners of every triangle change places.
+    broken("patellar_cartilage_r.stl", &|t| {
+        t.iter_mut().for_each(|t| {
+            let (b, c) = (t[24..36].to_vec(), t[36..48].to_vec());
+            t[24..36].copy_from_slice(&c);
+            t[36..48].copy_from_slice(&b);
+        });
+    });
+    // A triangle whose points are in no border.
+    let [place, border] =
+        hole_in(&Surface::read(&knee.join("femoral_cartilage_r.stl"), LengthUnit::Metre).unwrap());
+    broken("femoral_cartilage_r.stl", &|t| {
+        t.remove(place);
+    });
+    std::fs::remove_file(folder.path().join("knee/tibial_cartilage_lateral_r.stl")).unwrap();
     let (code, text) = said(".");
     assert_eq!(code, Some(2), "{text}");
-    assert!(text.contains("femur") && !folder.path().join("out").exists(), "{text}");
+    for words in [
+        ["femur_r.stl", "the surface is open"],
+        ["tibial_cartilage_medial_r.stl", "no triangles"],
+        ["patellar_cartilage_r.stl", "look into the bone"],
+        ["femoral_cartilage_r.stl", "2 borders"],
+        ["tibial_cartilage_lateral_r.stl", ""],
+    ] {
+        assert!(text.lines().any(|line| words.iter().all(|w| line.contains(w))), "{words:?}: {text}");
+    }
+    assert!(border > 100 && !folder.path().join("out").exists(), "{border} edges");
+}
+
+/// A triangle of an open surface none of whose points is in its border, and the number of edges of that.
+fn hole_in(surface: &Surface) -> [usize; 2] {
+    let neighbours = surface.neighbours().unwrap();
+    let sides = surface.triangles.iter().zip(&neighbours);
+    let open = sides.flat_map(|(t, of)| (0..3).filter(|k| of[*k].is_none()).map(|k| [t[k], t[(k + 1) % 3]]));
+    let border: HashSet<u32> = open.flatten().collect();
+    let inside = surface.triangles.iter().position(|t| t.iter().all(|p| !border.contains(p))).unwrap();
+    [inside, border.len()]
 }

@@ -7,8 +7,9 @@ use fem::measure::{Cut, section_force, solid_field};
 use fem::mesh::{Mesh, generate};
 use fem::plan::{LoadedIsland, Plan};
 use fem::scene::{DilatationSpec, EmbeddedSpec, ForceSpec, FormulationSpec, LawSpec, Scene, StrandSpec};
-use fem::solve::{Loading, Potential};
-use nalgebra::Vector3;
+use fem::solve::{BlockMatrix, Galerkin, Loading, Pattern, Potential};
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::sync::Arc;
 use support::Random;
 use support::fem_scenes::{
     derivative_orders, displaced, distorted_box, held, laws, mooney_rivlin, plan, solve, tolerance,
@@ -189,4 +190,51 @@ fn what_cannot_be_embedded_is_refused_with_its_remedy() {
     assert!(error.contains("embedded region `block` is there twice"), "{error}");
     let said = Plan::parse("[[embedded]]\nregion = \"block\"\ncel = 0.02\n", "s.toml".as_ref()).unwrap_err();
     assert!(said.to_string().contains("cel"), "{said}");
+}
+
+/// A chain of six nodes of K; its ends are free, the others means of three free nodes.
+#[test]
+fn the_product_is_that_of_dense_matrices() {
+    let groups: Vec<Vec<u32>> = vec![vec![0, 1, 2], vec![2, 3], vec![3, 4, 5]];
+    let pattern = Arc::new(Pattern::new(6, groups.iter().map(Vec::as_slice)));
+    let means: Vec<Vec<(u32, f64)>> = vec![
+        vec![(0, 1.0)],
+        vec![(0, 0.7), (1, 0.3)],
+        vec![(0, 0.2), (1, 0.5), (2, 0.3)],
+        vec![(1, 1.5), (2, -0.5)],
+        vec![(2, 1.0)],
+        vec![(3, 1.0)],
+    ];
+    let mut k = BlockMatrix::zeros(pattern.clone());
+    let mut dense = DMatrix::zeros(18, 18);
+    for i in 0..6 {
+        for &j in pattern.row(i) {
+            let block = std::array::from_fn(|e| (7 * i + 3 * j as usize + e) as f64 % 5.0 - 1.7);
+            k.add_block(i, j as usize, &block);
+            (0..9).for_each(|e| dense[(3 * i + e / 3, 3 * j as usize + e % 3)] = block[e]);
+        }
+    }
+    let galerkin = Galerkin::new(pattern, means.clone(), 4);
+    let pairs = galerkin.pairs();
+    let mut out = BlockMatrix::zeros(Arc::new(Pattern::new(4, pairs.iter().map(|p| p.as_slice()))));
+    galerkin.add_stiffness(&k, &mut out);
+    let mut w = DMatrix::zeros(18, 12);
+    for (i, mean) in means.iter().enumerate() {
+        for &(p, weight) in mean {
+            (0..3).for_each(|c| w[(3 * i + c, 3 * p as usize + c)] = weight);
+        }
+    }
+    let wanted = w.transpose() * dense * &w;
+    let mut found = DMatrix::zeros(12, 12);
+    for p in 0..4 {
+        for (&q, block) in out.pattern().row(p).iter().zip(out.row(p)) {
+            (0..9).for_each(|e| found[(3 * p + e / 3, 3 * q as usize + e % 3)] = block[e]);
+        }
+    }
+    assert!((found - wanted).amax() < 1e-13);
+    let f: Vec<f64> = (0..18).map(|i| (i as f64).sin()).collect();
+    let mut forces = vec![0.0; 12];
+    galerkin.add_forces(&f, &mut forces);
+    let wanted = w.transpose() * DVector::from_vec(f);
+    assert!((DVector::from_vec(forces) - wanted).amax() < 1e-14);
 }

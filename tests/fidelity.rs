@@ -29,7 +29,10 @@ fn levels_are_read_and_lines_are_left_out() {
     assert_eq!(embedded, [("vastus_medialis", 0.03)]);
     assert!(scene.deformable && scene.muscles.len() == 16 && !scene.muscles.contains(&"gracilis".into()));
     // Written out and read back it is the same, whatever of it is left.
-    let same = |s: Scene| Scene { text: String::new(), ..s };
+    let same = |mut s: Scene| {
+        s.fidelity.embedded.iter_mut().for_each(|m| m.said.clear());
+        Scene { text: String::new(), ..s }
+    };
     assert_eq!(same(parse(&scene.resolved(None)).unwrap()), same(scene.clone()));
     let fewer = Scene { muscles: vec!["gracilis".into()], ..scene };
     let again = parse(&fewer.resolved(None)).unwrap();
@@ -76,18 +79,29 @@ fn mistakes_are_named_all_at_once() {
     }
     let said = parse("[accuracy]\nstrict_steps = 5\n[solver]\nnested_from_mm = 20.0\n").unwrap_err();
     assert!(said.contains("line 4: `solver.nested_from_mm` is 20 with accuracy.strict_steps"), "{said}");
-    // What only the mesh can tell: cubes that are too small or too large, before anything is solved.
+    let said = parse(&level("gracilis", "embedded", "cell_mm = 20.0")).unwrap_err();
+    assert!(said.contains("line 4: `cell_mm` is 20") && said.contains("at least 24 mm"), "{said}");
+    // What only the mesh can tell, of all muscles and before anything is solved, by `plan` too.
     let folder = tempfile::tempdir().unwrap();
-    for (cell, wanted) in [(6.0, "twice the edge"), (500.0, "larger than the region")] {
-        let scene = format!(
-            "muscles = [\"gracilis\"]\nresolution_mm = 16.0\n[effects]\ncontact = \"none\"\n{}",
-            level("gracilis", "embedded", &format!("cell_mm = {cell:?}"))
-        );
-        fs::write(folder.path().join("grid.toml"), scene).unwrap();
-        let output = sartorius(&["compare", "grid.toml", "--out", "o"], folder.path());
+    let scene =
+        "muscles = [\"gracilis\", \"sartorius\"]\nresolution_mm = 16.0\n[effects]\ncontact = \"none\"\n"
+            .to_string()
+            + &level("gracilis", "embedded", "cell_mm = 100.0")
+            + &level("sartorius", "embedded", "cell_mm = 500.0");
+    fs::write(folder.path().join("grid.toml"), scene).unwrap();
+    for command in [&["compare", "grid.toml", "--out", "o"][..], &["plan", "grid.toml"]] {
+        let output = sartorius(command, folder.path());
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(wanted) && said.contains("gracilis"), "{said}");
+        for words in [
+            ["line 8: cell_mm is 100", "around gracilis is"],
+            ["line 12: cell_mm is 500", "around sartorius is"],
+        ] {
+            let line = said
+                .lines()
+                .find(|l| words.iter().all(|w| l.contains(w)) && l.contains("mm wide; take less"));
+            assert!(line.is_some(), "{words:?} in {said}");
+        }
         assert!(!folder.path().join("o/run.json").exists());
     }
 }

@@ -9,6 +9,7 @@ mod conservation;
 mod contact;
 mod convergence;
 mod derivatives;
+mod distance_field;
 mod drive_table;
 mod dynamics;
 mod embedded;

@@ -13,9 +13,10 @@ use fem::geometry::{SearchSurface, Surface};
 use fem::mesh::MeshError;
 use mesher::attachment::{Attachment, Role, Site};
 use mesher::limb::LimbMap;
+use mesher::part::{is_strands, muscle_of};
 use mesher::scale::{SegmentFrame, SegmentMap, map_sections};
 use mesher::smooth::{Plane, Smoother};
-use mesher::{Bone, Loft, MuscleSections, Station, grid};
+use mesher::{Bone, Loft, MusclePart, MuscleSections, Station, grid};
 use multibody::model::{Ankle, Model};
 use multibody::walker::{Knee, walker};
 use nalgebra::{Matrix3, Vector3};
@@ -639,5 +640,20 @@ fn a_thigh_inset_has_wide_gaps() {
             0.5 * before <= after && after <= 1.25 * before,
             "{name}: {after} nodes are tied, {before} before"
         );
+    }
+}
+
+#[test]
+fn names_say_of_which_muscle_they_are() {
+    let parts = [
+        MusclePart::Belly,
+        MusclePart::Surface,
+        MusclePart::On("thigh"),
+        MusclePart::TendonFibres,
+        MusclePart::Strands(2),
+    ];
+    for part in parts {
+        assert_eq!(muscle_of(&part.of("gracilis")), "gracilis", "{part:?}");
+        assert_eq!(is_strands(&part.of("gracilis")), matches!(part, MusclePart::Strands(_)), "{part:?}");
     }
 }

@@ -1,11 +1,13 @@
 //! Who is on which side of whom: the look at it is silent on what moves and fires on what was swapped.
 
 use coupling::thigh::build::ThighEffects;
+use fem::geometry::linking::{crossings, passages};
 use fem::measure::{Sides, pair_forces};
 use fem::plan::Plan;
 use fem::run::{DriveFrame, Session};
 use fem::scene::ContactMode;
 use fem::solve::{Settings, SolveError, Way};
+use nalgebra::Vector3;
 use support::contact_scenes::intersections;
 use support::side_scenes::{FAMILIES, Variant, pressed_block, random_side_scene, strap_over_cylinder};
 
@@ -192,4 +194,46 @@ fn a_solved_frame_names_what_the_drive_sends_into_each_other() {
         let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(summary["prescribed_overlaps"][0]["pair"], serde_json::json!(rods));
     }
+}
+
+fn line(n: usize, of: impl Fn(f64) -> [f64; 3]) -> Vec<Vector3<f64>> {
+    (0..=n).map(|i| of(2.0 * i as f64 / n as f64 - 1.0).into()).collect()
+}
+
+#[test]
+fn lines_cross_where_one_goes_through_the_other() {
+    let below = line(7, |s| [0.1, s, 0.0]);
+    let up = |z: f64| line(10, move |s| [s, 0.05, z + 0.1 * s]);
+    // Through it, back, and to where it was.
+    assert_eq!(crossings([&up(1.0), &up(-1.0)], [&below, &below]).abs(), 1);
+    let (there, back) = (
+        crossings([&up(1.0), &up(-1.0)], [&below, &below]),
+        crossings([&up(-1.0), &up(1.0)], [&below, &below]),
+    );
+    assert_eq!(there + back, 0);
+    // Both move: what counts is how they move against each other.
+    let carried: Vec<_> = below.iter().map(|p| p + Vector3::new(0.0, 0.0, -2.0)).collect();
+    assert_eq!(crossings([&up(1.0), &up(-1.0)], [&below, &carried]), 0);
+    // Beside its end.
+    let beside = |z: f64| line(10, move |s| [s, 1.2, z]);
+    assert_eq!(crossings([&beside(1.0), &beside(-1.0)], [&below, &below]), 0);
+    // With its ends gone down on both sides and its middle still on top.
+    let bent = line(10, |s| [s, 0.05, if s.abs() < 0.5 { 0.1 } else { -1.0 }]);
+    assert_eq!(crossings([&up(1.0), &bent], [&below, &below]), 0);
+}
+
+#[test]
+fn points_pass_through_sheets() {
+    // Two triangles of a square of side 2 in the plane z = 0.
+    let corners: Vec<Vector3<f64>> =
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
+    let (sheet, rim) = ([[0, 1, 2], [0, 2, 3]], [[0, 1], [1, 2], [2, 3], [3, 0]]);
+    let goes = |from: [f64; 3], to: [f64; 3], carried: f64| {
+        let moved: Vec<_> = corners.iter().map(|c| c + Vector3::new(0.0, 0.0, carried)).collect();
+        passages([from.into(), to.into()], &sheet, &rim, [&corners, &moved])
+    };
+    assert_eq!(goes([0.3, 0.2, 1.0], [0.1, -0.5, -2.0], 0.0).abs(), 1);
+    assert_eq!(goes([0.3, 0.2, 1.0], [0.1, -0.5, -2.0], -5.0), 0);
+    assert_eq!(goes([1.3, 0.2, 1.0], [1.1, -0.5, -2.0], 0.0), 0);
+    assert_eq!(goes([0.3, 0.2, 1.0], [0.1, -0.5, 2.0], 4.0).abs(), 1);
 }

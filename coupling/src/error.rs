@@ -59,6 +59,9 @@ pub enum CouplingError {
     /// An option contradicts the trial.
     #[error("{0}")]
     Option(String),
+    /// All that is wrong with several files.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Several(Vec<CouplingError>),
     /// The input is good, but something on the way to the results found no solution.
     #[error("{0}")]
     NotConverged(String),
@@ -70,6 +73,34 @@ impl CouplingError {
         match self {
             CouplingError::NotConverged(_) => 3,
             _ => 2,
+        }
+    }
+}
+
+/// Mistakes of an input that are told all at once.
+#[derive(Default)]
+pub(crate) struct Mistakes(Vec<CouplingError>);
+
+impl Mistakes {
+    /// Notes one, or all of several.
+    pub fn note(&mut self, error: CouplingError) {
+        match error {
+            CouplingError::Several(all) => self.0.extend(all),
+            one => self.0.push(one),
+        }
+    }
+
+    /// Notes why there is no value.
+    pub fn keep<T, E: Into<CouplingError>>(&mut self, result: Result<T, E>) -> Option<T> {
+        result.map_err(|error| self.note(error.into())).ok()
+    }
+
+    /// An error where something was noted.
+    pub fn finish(mut self) -> Result<(), CouplingError> {
+        match self.0.len() {
+            0 => Ok(()),
+            1 => Err(self.0.remove(0)),
+            _ => Err(CouplingError::Several(self.0)),
         }
     }
 }

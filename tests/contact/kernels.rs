@@ -4,8 +4,11 @@ use fem::contact::barrier::barrier;
 use fem::contact::ccd::{edge_edge_step, point_triangle_step, tenth};
 use fem::contact::stencil::{Law, Stencil};
 use fem::contact::surface::{SurfaceInput, Surfaces};
+use fem::contact::{Contact, ContactInput};
 use fem::geometry::closest::{Closest, Points, edge_edge, point_edge, point_point, point_triangle};
 use nalgebra::Vector3;
+use std::sync::mpsc::channel;
+use std::time::Duration;
 use support::{Random, taylor_order};
 
 type V = Vector3<f64>;
@@ -290,4 +293,43 @@ fn depths_are_those_of_the_body_behind_a_face() {
             "depths {found:?} m, expected {expected} m"
         );
     }
+}
+
+/// A thread that waits for others in a search may take up another search of the same contact: here one is in the middle of the other.
+#[test]
+fn a_search_within_a_search_does_not_wait_for_it() {
+    const LEAST: f64 = 2e-3;
+    const FACES: [[u32; 4]; 6] =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    // Two cubes of 10 mm, 1 mm apart.
+    let cube = |z: f64| {
+        let corner = move |i: u32| [f64::from(i & 1), f64::from(i >> 1 & 1), z + f64::from(i >> 2)];
+        (0..8).flat_map(corner).map(|c| 0.01 * c)
+    };
+    let x: Vec<f64> = cube(0.0).chain(cube(1.1)).collect();
+    let surface = |k: u32| SurfaceInput {
+        name: format!("cube {k}"),
+        faces: FACES.map(|face| face.map(|node| node + 8 * k)).to_vec(),
+        stiffness: vec![1e4; FACES.len()],
+        spacing: 2e-3,
+    };
+    let input = ContactInput {
+        surfaces: vec![surface(0), surface(1)],
+        pairs: vec![[0, 1]],
+        distance: 1e-3,
+        carrier: vec![None; 16],
+        ..ContactInput::default()
+    };
+    let contact = Contact::new(&input, &x);
+    let alone = contact.n_near(&x, LEAST, &|_, _| LEAST);
+    assert!(alone > 8, "{alone} points");
+    let (done, told) = channel();
+    std::thread::spawn(move || {
+        let least = |_: usize, _: usize| {
+            assert_eq!(contact.n_near(&x, LEAST, &|_, _| LEAST), alone);
+            LEAST
+        };
+        done.send(contact.n_near(&x, LEAST, &least)).expect("somebody waits for it");
+    });
+    assert_eq!(told.recv_timeout(Duration::from_secs(60)), Ok(alone));
 }

@@ -48,6 +48,12 @@ fn subject() -> Result<Option<DeepFlexion>, String> {
     DeepFlexion::find(&folder).map(Some).map_err(|e| e.to_string())
 }
 
+/// Pairs of triangles of both cartilages that intersect, over all frames.
+fn crossings(subject: &DeepFlexion, frames: &[FlexionFrame]) -> usize {
+    let patellas: Vec<Coordinates> = frames.iter().map(|f| f.patella).collect();
+    subject.crossings(&patellas).iter().sum()
+}
+
 fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
     let knee = subject.knee(mode).map_err(|e| e.to_string())?;
@@ -58,7 +64,7 @@ fn bent(mode: ContactMode, quadriceps: f64) -> Outcome {
     }
     let crossed: usize = match mode {
         Cheap => 0,
-        Guarded => frames.iter().map(|f| subject.crossings(&f.patella)).sum(),
+        Guarded => crossings(&subject, &frames),
     };
     let norm = |v: [f64; 3]| Vector3::from(v).norm();
     let most = |of: &dyn Fn(&FlexionFrame) -> f64| frames.iter().map(of).fold(0.0, f64::max);
@@ -111,7 +117,7 @@ fn tissue() -> Outcome {
     let [heads, femur] = [0, 1].map(|k| states().map(|m| m.crossings[k]).sum::<usize>());
     let volume = states().map(|m| m.least_volume).fold(f64::INFINITY, f64::min);
     let det_f = frames.iter().map(|f| f.least_det_f).fold(f64::INFINITY, f64::min);
-    let cartilage: usize = frames.iter().map(|f| subject.crossings(&f.patella)).sum();
+    let cartilage = crossings(&subject, &frames);
     let iterations = frames.iter().map(|f| f.iterations).sum::<usize>() as f64 / frames.len() as f64;
     let text = format!(
         "{} frames, {iterations:.1} iterations each; left {:.0e} N and {:.0e} N mm; pairs of triangles that intersect: {heads} of heads, {femur} of a head and the femur, \
@@ -150,7 +156,7 @@ fn smooth(mode: ContactMode, quadriceps: f64) -> Outcome {
             return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
         }
         if mode == Guarded {
-            crossed += frames.iter().map(|f| subject.crossings(&f.patella)).sum::<usize>();
+            crossed += crossings(&subject, &frames);
         }
         let steps = frames.windows(2).map(|w| (w[1].step_from(&w[0])[1], prescribed(&w[0], &w[1], &ends)));
         // Of the longest step, and of the one that has most left.
@@ -236,7 +242,7 @@ fn measured() -> Outcome {
     const NAMES: [&str; 6] = ["flexion", "rotation", "tilt", "forward", "up", "sideways"];
     let Some(subject) = subject()? else { return Ok("not run: its data are absent".to_string()) };
     let (knee, rows) = (subject.knee(Cheap).map_err(|e| e.to_string())?, &subject.measured);
-    let poses: Vec<Coordinates> = rows.iter().map(|row| row[0]).collect();
+    let poses: Vec<Coordinates> = rows.rows.iter().map(|row| row[0]).collect();
     let Bent { knee, frames, stopped, .. } = flex(knee, &poses, 50.0, &Settings::default());
     if let Some(stopped) = stopped {
         return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));

@@ -239,7 +239,7 @@ impl Sized {
         let Scene { resolution, inset, muscles, .. } = &self.scene;
         let mut thigh = draft(limb.clone(), *resolution, *inset, muscles, effects(&self.scene))?;
         self.scene.materials.apply(&mut thigh).map_err(CouplingError::Option)?;
-        self.scene.fidelity.apply(&mut thigh);
+        self.scene.fidelity.apply(&mut thigh)?;
         Ok(thigh)
     }
 }
@@ -272,7 +272,7 @@ impl Prepared {
             .transpose()?;
         if let Some(made) = &mut made {
             scene.materials.apply(&mut made.thigh).map_err(CouplingError::Option)?;
-            scene.fidelity.apply(&mut made.thigh);
+            scene.fidelity.apply(&mut made.thigh)?;
             lap(STAGES[1]);
         }
         let thigh = made.as_ref().map_or_else(names_only, |m| m.thigh.clone());

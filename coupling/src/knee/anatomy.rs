@@ -9,18 +9,27 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use fem::geometry::Surface;
+use fem::geometry::{SearchSurface, SignedDistance, Surface, SurfaceError};
 use fem::mesh::LengthUnit;
 use multibody::InputError;
 use multibody::error::Place;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
 use super::shape::Shape;
-use crate::error::CouplingError;
+use crate::error::{CouplingError, Mistakes};
 
 /// Bone of the femur, from the folder of the knee.
 const FEMUR: &str = "../bones/femur_r.stl";
+const FEMORAL_CARTILAGE: &str = "femoral_cartilage_r.stl";
+const PATELLAR_CARTILAGE: &str = "patellar_cartilage_r.stl";
+const TIBIAL_CARTILAGE: [&str; 2] = ["tibial_cartilage_medial_r.stl", "tibial_cartilage_lateral_r.stl"];
+const PATELLA: &str = "patella_bone_r.stl";
+/// Surfaces of a knee, from its folder.
+pub(super) const SURFACES: [&str; 6] =
+    [FEMUR, FEMORAL_CARTILAGE, PATELLA, PATELLAR_CARTILAGE, TIBIAL_CARTILAGE[0], TIBIAL_CARTILAGE[1]];
+/// How far \[m\] to both sides of a sheet it is asked where the bone is: a quarter of the thickness of cartilage.
+const ASIDE: f64 = 0.5e-3;
 /// File of frames and springs.
 const MODEL: &str = "knee_model.json";
 /// How far from a rotation the matrix of a frame may be: what ten digits leave.
@@ -114,22 +123,42 @@ pub struct KneeAnatomy {
 }
 
 impl KneeAnatomy {
-    /// Reads a folder; all mistakes of its model at once.
+    /// Reads a folder; all mistakes of its model and of its surfaces at once.
     pub fn read(folder: &Path) -> Result<KneeAnatomy, CouplingError> {
+        let mut wrong = Mistakes::default();
         let file = folder.join(MODEL);
-        let text =
-            std::fs::read_to_string(&file).map_err(|source| InputError::Io { file: file.clone(), source })?;
-        let (frames, springs) = parse(&text, &file)?;
-        let surface = |name: &str| Surface::read(&folder.join(name), LengthUnit::Metre);
+        let text = std::fs::read_to_string(&file)
+            .map_err(|source| CouplingError::from(InputError::Io { file: file.clone(), source }));
+        let model = wrong.keep(text.and_then(|text| parse(&text, &file)));
+        let mut sheet = |name: &str| wrong.keep(Surface::read_sheet(&folder.join(name), LengthUnit::Metre));
+        let sheets = [
+            sheet(FEMORAL_CARTILAGE),
+            sheet(PATELLAR_CARTILAGE),
+            sheet(TIBIAL_CARTILAGE[0]),
+            sheet(TIBIAL_CARTILAGE[1]),
+        ];
+        let mut body = |name: &str| wrong.keep(Surface::read_checked(&folder.join(name), LengthUnit::Metre));
+        let [femur, patella] = [body(FEMUR), body(PATELLA)];
+        for (name, sheet, bone) in
+            [(FEMORAL_CARTILAGE, &sheets[0], &femur), (PATELLAR_CARTILAGE, &sheets[1], &patella)]
+        {
+            let (Some(sheet), Some(bone)) = (sheet, bone) else { continue };
+            if !looks_away(sheet, bone)? {
+                let problem = "its triangles look into the bone".to_string();
+                let remedy = "turn all of them round: normals of cartilage look into the joint";
+                wrong.note(malformed(&folder.join(name), problem, remedy).into());
+            }
+        }
+        wrong.finish()?;
+        let none = || CouplingError::Option(format!("{} holds no knee", folder.display()));
+        let (frames, springs) = model.ok_or_else(none)?;
+        let [femoral, patellar, medial, lateral] = sheets;
         Ok(KneeAnatomy {
-            femoral_cartilage: surface("femoral_cartilage_r.stl")?,
-            patellar_cartilage: surface("patellar_cartilage_r.stl")?,
-            patella: surface("patella_bone_r.stl")?,
-            femur: surface(FEMUR)?,
-            tibial_cartilage: [
-                surface("tibial_cartilage_medial_r.stl")?,
-                surface("tibial_cartilage_lateral_r.stl")?,
-            ],
+            femoral_cartilage: femoral.ok_or_else(none)?,
+            patellar_cartilage: patellar.ok_or_else(none)?,
+            patella: patella.ok_or_else(none)?,
+            femur: femur.ok_or_else(none)?,
+            tibial_cartilage: [medial.ok_or_else(none)?, lateral.ok_or_else(none)?],
             frames,
             springs,
             solid: FemurSolid::Surfaces,
@@ -155,6 +184,18 @@ impl KneeAnatomy {
         let middle = own.iter().map(|p| p.x).sum::<f64>() / own.len() as f64;
         [middle, most(1), most(2)]
     }
+}
+
+/// Whether a sheet on a closed bone looks away from it: over all of it, more is gained than lost of the distance to the bone on both sides.
+fn looks_away(sheet: &Surface, bone: &Surface) -> Result<bool, SurfaceError> {
+    let bone = SearchSurface::new(bone.clone());
+    let bone = SignedDistance::new(&bone)?;
+    let gained = (0..sheet.triangles.len()).map(|t| {
+        let (middle, area) = (sheet.corners(t).iter().sum::<Vector3<f64>>() / 3.0, sheet.area_vector(t));
+        let aside = ASIDE * area.normalize();
+        area.norm() * (bone.at(&(middle + aside)).distance - bone.at(&(middle - aside)).distance)
+    });
+    Ok(gained.sum::<f64>() > 0.0)
 }
 
 /// A surface somewhere else.

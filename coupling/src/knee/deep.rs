@@ -2,32 +2,51 @@
 
 use std::path::{Path, PathBuf};
 
-use fem::geometry::SearchSurface;
+use fem::geometry::{SearchSurface, SignedDistance};
 use fem::scene::ContactMode;
 use nalgebra::{Isometry3, Point3, Vector3};
+use rayon::prelude::*;
 
-use super::anatomy::{Bone, KneeAnatomy};
+use super::anatomy::{Bone, KneeAnatomy, SURFACES};
 use super::flexion::FlexionFrame;
 use super::made::MadeKnee;
-use super::pose::{Coordinates, TibiaPath, read_measured};
+use super::pose::{Coordinates, Measured, TibiaPath};
 use super::quadriceps::HEADS;
-use super::rigid::{Quadriceps, ReferencePose, RigidKnee};
+use super::rigid::{KneeError, Quadriceps, ReferencePose, RigidKnee};
 use super::shape::Shape;
-use crate::error::CouplingError;
+use crate::error::{CouplingError, Mistakes};
 
 /// Where what is needed may be in the folder of data, or beside it.
 const KNEE: [&str; 2] = ["knee", "anatomy/knee"];
 const TABLES: [&str; 3] = ["reference/deep", "../reference/deep", "deep"];
 const PATH: &str = "tibia_path_deep.csv";
 const MEASURED: &str = "dynamic_mri_knee.csv";
-/// Row of the measured poses that is the reference pose: the one nearest to extension that is a mean of more than two frames.
-const REFERENCE: usize = 1;
 /// Flexion from frame to frame \[degrees\].
 const STRIDE: f64 = 2.5;
 /// Flexion at the end \[degrees\].
 pub const DEEPEST: f64 = 137.5;
 /// Depth \[m\] to which cartilages of tibia and femur may overlap: both are 4.2 mm thick together, and bones may go a millimetre into each other.
 const DEPTH: f64 = 5.2e-3;
+
+/// Files of a knee.
+#[derive(Clone, Debug)]
+pub struct KneeFiles {
+    /// Frames of the bones and springs; surfaces lie beside it.
+    pub model: PathBuf,
+    /// Poses of the tibia.
+    pub path: PathBuf,
+    /// Measured poses.
+    pub measured: PathBuf,
+}
+
+impl KneeFiles {
+    /// All of them, surfaces too.
+    pub fn all(&self) -> Vec<PathBuf> {
+        let folder = self.model.parent().unwrap_or(Path::new(""));
+        let surfaces = SURFACES.iter().map(|name| folder.join(name));
+        [&self.model, &self.path, &self.measured].into_iter().cloned().chain(surfaces).collect()
+    }
+}
 
 /// What deep flexion is computed from.
 #[derive(Clone, Debug)]
@@ -39,9 +58,9 @@ pub struct DeepFlexion {
     /// Where its strands have their strain.
     pub reference: ReferencePose,
     /// Measured poses of tibia and patella; none of a made knee.
-    pub measured: Vec<[Coordinates; 2]>,
-    /// Files that were read; none of a made knee.
-    pub files: Vec<PathBuf>,
+    pub measured: Measured,
+    /// Tables and the model that were read; none of a made knee.
+    pub files: Option<KneeFiles>,
 }
 
 impl DeepFlexion {
@@ -64,18 +83,25 @@ impl DeepFlexion {
             )));
         };
         let folder = model.parent().expect("a file has a folder").to_path_buf();
-        let rows = read_measured(&measured)?;
-        let [tibia, patella] = *rows.get(REFERENCE).ok_or_else(|| {
-            let needed = REFERENCE + 1;
-            CouplingError::Option(format!("{} needs at least {needed} rows", measured.display()))
-        })?;
-        Ok(DeepFlexion {
-            anatomy: KneeAnatomy::read(&folder)?,
-            path: TibiaPath::read(&path)?,
-            reference: ReferencePose { tibia, patella },
-            measured: rows,
-            files: vec![model, path, measured],
-        })
+        let files = KneeFiles { model, path, measured };
+        let mut wrong = Mistakes::default();
+        let measured = wrong.keep(Measured::read(&files.measured));
+        let reference = measured.as_ref().and_then(|measured| {
+            let none = || {
+                CouplingError::Option(format!(
+                    "{}: no row is a mean of more than two `frames`; give one near extension, strands have their strain there",
+                    files.measured.display()
+                ))
+            };
+            wrong.keep(measured.reference().ok_or_else(none)).map(|row| measured.rows[row])
+        });
+        let anatomy = wrong.keep(KneeAnatomy::read(&folder));
+        let path = wrong.keep(TibiaPath::read(&files.path));
+        wrong.finish()?;
+        let all = anatomy.zip(path).zip(measured.zip(reference));
+        let ((anatomy, path), (measured, [tibia, patella])) = all.expect("nothing was wrong with any");
+        let reference = ReferencePose { tibia, patella };
+        Ok(DeepFlexion { anatomy, path, reference, measured, files: Some(files) })
     }
 
     /// Makes a knee: no data are read.
@@ -83,7 +109,7 @@ impl DeepFlexion {
         let made = MadeKnee::new(&Shape::default());
         let MadeKnee { anatomy, path, reference } =
             made.map_err(|error| CouplingError::Option(error.to_string()))?;
-        Ok(DeepFlexion { anatomy, path, reference, measured: Vec::new(), files: Vec::new() })
+        Ok(DeepFlexion { anatomy, path, reference, measured: Measured::default(), files: None })
     }
 
     /// The knee, with its strands in their strain in the reference pose.
@@ -94,7 +120,17 @@ impl DeepFlexion {
     /// The same with its quadriceps as tissue.
     pub fn knee_with(&self, mode: ContactMode, quadriceps: Quadriceps) -> Result<RigidKnee, CouplingError> {
         let knee = RigidKnee::with_quadriceps(&self.anatomy, &self.reference, mode, quadriceps);
-        knee.map_err(|error| CouplingError::Option(error.to_string()))
+        knee.map_err(|error| match (&error, &self.files) {
+            (KneeError::NoGroove(_), Some(files)) => {
+                let row = self.measured.reference().expect("it has a reference pose");
+                let (file, line) = (files.measured.display(), self.measured.lines[row]);
+                CouplingError::Option(format!("{file}, line {line}: {error}"))
+            }
+            (KneeError::NoSprings(_), Some(files)) => {
+                CouplingError::Option(format!("{}: {error}", files.model.display()))
+            }
+            _ => CouplingError::Option(error.to_string()),
+        })
     }
 
     /// Poses of the tibia, every 2.5 degrees from a flexion \[degrees\] to 137.5 as far as the table goes.
@@ -105,52 +141,97 @@ impl DeepFlexion {
         all.filter(|f| (from..=to).contains(f)).map(|f| self.path.at(f)).collect()
     }
 
-    /// Pairs of triangles of femoral and patellar cartilage that intersect (exact) with the patella at a pose: an answer that contact has no
-    /// part in.
-    pub fn crossings(&self, patella: &Coordinates) -> usize {
+    /// Pairs of triangles of femoral and patellar cartilage that intersect (exact) with the patella at each of some poses: an answer that contact has
+    /// no part in.
+    pub fn crossings(&self, patellas: &[Coordinates]) -> Vec<usize> {
         let KneeAnatomy { femoral_cartilage, patellar_cartilage, .. } = &self.anatomy;
         let placed = |surface, bone, pose| SearchSurface::new(self.anatomy.placed(surface, bone, &pose));
         let femoral = placed(femoral_cartilage, Bone::Femur, Isometry3::identity());
-        femoral.intersections(&placed(patellar_cartilage, Bone::Patella, patella.pose())).len()
+        let patellar = |patella: &Coordinates| placed(patellar_cartilage, Bone::Patella, patella.pose());
+        patellas.par_iter().map(|p| femoral.intersections(&patellar(p)).len()).collect()
     }
 
-    /// Refuses poses that drive the bones of tibia and femur into each other by more than a millimetre, all at once.
+    /// How far the table of poses falls short of a way from a flexion \[degrees\] on, in words; refuses one that has nothing of it.
+    pub fn short_of(&self, first: f64) -> Result<Option<String>, CouplingError> {
+        let [from, to] = self.path.range();
+        let file = self.files.as_ref().map_or("the made knee".into(), |f| f.path.display().to_string());
+        if self.poses(first).is_empty() {
+            return Err(CouplingError::Option(format!(
+                "{file}: poses from {from} to {to} degrees of flexion have nothing of the way from {first} to {DEEPEST}; give poses there"
+            )));
+        }
+        let is_short = from > first || to < DEEPEST;
+        Ok(is_short.then(|| {
+            format!(
+                "{file} has poses from {from} to {to} degrees only, so the way is cut to that, of {first} to {DEEPEST}"
+            )
+        }))
+    }
+
+    /// Refuses poses that drive the bones of tibia and femur into each other by more than a millimetre, all at once: rows of both tables, and the
+    /// poses between rows that the way goes through.
     pub fn check_poses(&self, knee: &RigidKnee) -> Result<(), CouplingError> {
         let own = self.anatomy.frame(Bone::Tibia).inverse();
-        let points: Vec<Point3<f64>> = (self.anatomy.tibial_cartilage.iter())
-            .flat_map(|s| s.points.iter().map(|p| own * Point3::from(*p)))
-            .collect();
-        let mut problems = Vec::new();
-        for (row, pose) in self.path.rows().iter().enumerate() {
-            let place = |p: &Point3<f64>| Vector3::from((pose.pose() * p).coords);
-            let depth = |p| knee.femur.near(&place(p), 0.0).map_or(0.0, |at| -at.distance);
-            let deepest = points.iter().map(depth).fold(0.0, f64::max);
-            if deepest > DEPTH {
-                problems.push(format!(
-                    "row {} ({} degrees): cartilages of tibia and femur overlap by {:.1} mm",
-                    row + 1,
-                    pose.flexion,
-                    1e3 * deepest
-                ));
+        let points =
+            self.anatomy.tibial_cartilage.each_ref().map(|sheet| {
+                sheet.points.iter().map(|p| own * Point3::from(*p)).collect::<Vec<Point3<f64>>>()
+            });
+        let femur = self.anatomy.placed(&self.anatomy.femur, Bone::Femur, &Isometry3::identity());
+        let femur = SearchSurface::new(femur);
+        // Around the knee there is a smooth distance to cartilage and bone, elsewhere that to the bone.
+        let bone = SignedDistance::new(&femur)?;
+        let depth = |p: &Vector3<f64>| match knee.femur.at(p) {
+            Some(at) => -at.distance,
+            None => -bone.at(p).distance,
+        };
+        let path = self.path.rows().iter().zip(self.path.lines());
+        let rows = path.map(|(pose, line)| (format!("line {line} ({} degrees)", pose.flexion), *pose));
+        let between = self.poses(0.0).into_iter().filter(|pose| !self.path.rows().contains(pose));
+        let between = between.map(|pose| (format!("between its rows, at {} degrees", pose.flexion), pose));
+        let measured = self.measured.rows.iter().zip(&self.measured.lines);
+        let measured =
+            measured.map(|(row, line)| (format!("line {line} ({} degrees)", row[0].flexion), row[0]));
+        let said = |poses: Vec<(String, Coordinates)>| {
+            let deep = poses.par_iter().flat_map_iter(|(place, pose)| {
+                let pose = pose.pose();
+                let deepest = |points: &[Point3<f64>]| {
+                    points.iter().map(|p| depth(&(pose * p).coords)).fold(0.0, f64::max)
+                };
+                let sides = ["medial", "lateral"].into_iter().zip(points.each_ref().map(|p| deepest(p)));
+                let deep = sides.filter(|(_, by)| *by > DEPTH).map(move |(side, by)| {
+                    format!(
+                        "{place}: {side} cartilage of the tibia overlaps with the femur by {:.1} mm",
+                        1e3 * by
+                    )
+                });
+                deep.collect::<Vec<String>>()
+            });
+            deep.collect::<Vec<String>>()
+        };
+        let file = |of: fn(&KneeFiles) -> &PathBuf| {
+            self.files.as_ref().map_or("the way of the made knee".into(), |f| of(f).display().to_string())
+        };
+        let mut wrong = Mistakes::default();
+        for (file, problems) in [
+            (file(|f| &f.path), said(rows.chain(between).collect())),
+            (file(|f| &f.measured), said(measured.collect())),
+        ] {
+            if !problems.is_empty() {
+                wrong.note(CouplingError::Option(format!(
+                    "{file}: {}; give poses in which they overlap by at most {} mm, both cartilages and one more",
+                    problems.join("; "),
+                    1e3 * DEPTH
+                )));
             }
         }
-        match problems.is_empty() {
-            true => Ok(()),
-            false => Err(CouplingError::Option(format!(
-                "{}: {}; give poses in which cartilages overlap by at most {} mm",
-                self.files
-                    .get(1)
-                    .map_or("the way of the made knee".into(), |file| file.display().to_string()),
-                problems.join("; "),
-                1e3 * DEPTH
-            ))),
-        }
+        wrong.finish()
     }
 }
 
 /// How far computed poses of the patella are off measured ones, per coordinate: root mean square \[degrees, mm\], and over the mean of the
 /// measured values.
-pub fn deviations(frames: &[FlexionFrame], measured: &[[Coordinates; 2]]) -> [[f64; 2]; 6] {
+pub fn deviations(frames: &[FlexionFrame], measured: &Measured) -> [[f64; 2]; 6] {
+    let measured = &measured.rows;
     let n = measured.len() as f64;
     std::array::from_fn(|c| {
         let off = frames.iter().zip(measured).map(|(f, row)| f.patella.to_array()[c] - row[1].to_array()[c]);

@@ -9,10 +9,8 @@ use nalgebra::Point3;
 
 use super::muscles::{MUSCLES, MuscleState};
 use super::pose::Coordinates;
-use super::rigid::{RigidKnee, StrandState};
+use super::rigid::{OUT, RigidKnee, StrandState};
 
-/// Shift to either side \[mm\] beyond which the patella has left its groove: half its width.
-const OUT: f64 = 21.5;
 /// Flexion from step to step on the way to the first pose \[degrees\].
 const APPROACH: f64 = 2.5;
 /// How often the force is doubled before: where a thousand newtons come at once the patella is thrown out of its groove.
@@ -47,6 +45,16 @@ pub struct FlexionFrame {
 }
 
 impl FlexionFrame {
+    /// The frame that was not solved: with its load all at once on the last good state.
+    fn failed(knee: &RigidKnee, tibia: &Coordinates, frame: &Frame) -> FlexionFrame {
+        let mut whole = frame.clone();
+        for (n, motion) in knee.plan.motion.iter().enumerate() {
+            let x = whole.x[3 * n..][..3].as_mut_array().expect("three components");
+            frame.load.prescribe(motion, &knee.plan.mesh.points[n], x);
+        }
+        FlexionFrame::of(knee, tibia, &whole)
+    }
+
     fn of(knee: &RigidKnee, tibia: &Coordinates, frame: &Frame) -> FlexionFrame {
         let at = frame.snapshot();
         let state = free_bodies(&knee.plan, at).remove(0);
@@ -74,9 +82,9 @@ impl FlexionFrame {
 /// Why a knee was not bent to the end.
 #[derive(Debug)]
 pub enum Stopped {
-    /// There is no equilibrium that the solver finds; the last good state on the way.
+    /// There is no equilibrium that the solver finds; the patella where it last was in equilibrium, with the tibia at the pose that was asked for.
     NoEquilibrium(SolveError, Option<Box<FlexionFrame>>),
-    /// The patella has left its groove.
+    /// The patella has left its groove, or the knee.
     Dislocated(Box<FlexionFrame>),
     /// A strand, by its number, finds no way over the femur.
     NoWay(usize, Box<FlexionFrame>),
@@ -85,16 +93,18 @@ pub enum Stopped {
 impl Stopped {
     /// What a person should know: where, what is left of the forces, contact and strands there.
     pub fn told(&self, knee: &RigidKnee) -> String {
-        let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let state = |f: &FlexionFrame| {
-            let strands: Vec<String> = (knee.strands.iter().zip(&f.strands))
-                .map(|(name, s)| format!("{name} {:.0} N at {:.1} %", s.tension, 100.0 * s.strain))
-                .collect();
+            let strand = |(name, s): (&String, &StrandState)| match s.tension.is_finite() {
+                true => format!("{name} {:.0} N at {:.1} %", s.tension, 100.0 * s.strain),
+                false => format!("{name} has no way"),
+            };
+            let strands: Vec<String> = knee.strands.iter().zip(&f.strands).map(strand).collect();
+            let three = |v: [f64; 3], scale: f64| v.map(|v| format!("{:.3}", scale * v)).join(", ");
             format!(
-                "flexion {:.1} degrees, {:.3} N and {:.3} N mm left on the patella, contact {:.0} N over {:.0} mm2; strands: {}",
+                "flexion {:.1} degrees, left on the patella ({}) N and, about its origin, ({}) N mm, contact {:.0} N over {:.0} mm2; strands: {}",
                 f.tibia.flexion,
-                norm(f.residual.force),
-                1e3 * norm(f.residual.moment),
+                three(f.residual.force, 1.0),
+                three(f.residual.moment, 1e3),
                 f.contact.force.norm(),
                 1e6 * f.contact.area,
                 strands.join(", ")
@@ -103,13 +113,18 @@ impl Stopped {
         match self {
             Stopped::NoEquilibrium(error, None) => format!("the patella finds no equilibrium: {error}"),
             Stopped::NoEquilibrium(error, Some(f)) => {
-                format!("the patella finds no equilibrium: {error}; last good state: {}", state(f))
+                format!(
+                    "the patella finds no equilibrium: {error}; with the tibia there and the patella where it last was in equilibrium: {}",
+                    state(f)
+                )
             }
             Stopped::NoWay(strand, f) => {
                 format!("`{}` finds no way over the femur: {}", knee.strands[*strand], state(f))
             }
             Stopped::Dislocated(f) => format!(
-                "the patella has left its groove, {:.1} mm to lateral of the middle of the femur: {}",
+                "the patella has left its groove, {:.1} mm forward, {:.1} mm up and {:.1} mm to lateral of the middle of the femur: {}",
+                f.patella.place[0],
+                f.patella.place[1],
                 f.patella.place[2],
                 state(f)
             ),
@@ -132,6 +147,11 @@ pub struct Bent {
 }
 
 impl Bent {
+    /// Where the patella is, frame by frame.
+    pub fn patellas(&self) -> Vec<Coordinates> {
+        self.frames.iter().map(|f| f.patella).collect()
+    }
+
     /// Strands that are stretched beyond 30 % somewhere: their names, the greatest strain and the flexion \[degrees\] there.
     pub fn stretched(&self) -> Vec<(&str, f64, f64)> {
         let strands = self.knee.strands.iter().enumerate();
@@ -194,13 +214,19 @@ fn course(
     let doubled = if quadriceps > 0.0 { DOUBLED } else { 0 };
     let parts = (1..=doubled).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
     for (tibia, part) in &parts.chain(way.into_iter().map(|tibia| (tibia, 1.0))).collect::<Vec<_>>() {
-        let Ok(load) = knee.load(tibia, part * quadriceps) else { continue };
+        let load = match knee.load(tibia, part * quadriceps) {
+            Ok(load) => load,
+            Err(source) => {
+                let error = SolveError::Load { step: 0, source: Box::new(source) };
+                return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None)));
+            }
+        };
         let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
         run.iterations.append(&mut advanced.iterations);
         // Strings that are measured go along, because they remember their way.
         knee.ways(advanced.frame.snapshot().x);
         if !advanced.errors.is_empty() {
-            let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
+            let frame = FlexionFrame::failed(knee, tibia, &advanced.frame);
             let stopped = Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame)));
             run.unsolved = Some(advanced.frame);
             return (frames, drive, run, Some(stopped));
@@ -217,19 +243,20 @@ fn course(
         drive.frames.push(DriveFrame { time: tibia.flexion, load });
         let mut advanced = session.advance(&drive.frames[frames.len()]);
         run.iterations.append(&mut advanced.iterations);
-        let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
         if !advanced.errors.is_empty() {
             let error = advanced.errors.remove(0);
+            let frame = FlexionFrame::failed(knee, tibia, &advanced.frame);
             run.unsolved = Some(advanced.frame);
             return (frames, drive, run, Some(Stopped::NoEquilibrium(error, Some(Box::new(frame)))));
         }
+        let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
         if let Some(lost) = frame.strands.iter().position(|s| !s.tension.is_finite() || !s.strain.is_finite())
         {
             run.unsolved = Some(advanced.frame);
             return (frames, drive, run, Some(Stopped::NoWay(lost, Box::new(frame))));
         }
         run.frames.push(advanced.frame);
-        if frame.patella.place[2].abs() > OUT {
+        if frame.patella.place[2].abs() > OUT || !knee.is_beside_femur(&frame.patella) {
             return (frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
         }
         tell(&frame);

@@ -73,6 +73,8 @@ impl Coordinates {
 #[derive(Clone, Debug, PartialEq)]
 pub struct TibiaPath {
     rows: Vec<Coordinates>,
+    /// Line of each in its file; of a made path its number.
+    lines: Vec<usize>,
 }
 
 /// Columns of a table of poses, in the order of [`Coordinates::to_array`].
@@ -101,7 +103,7 @@ impl TibiaPath {
 
     /// A path that is known to be good: flexion increases, and rows are close to each other.
     pub(super) fn of(rows: Vec<Coordinates>) -> TibiaPath {
-        TibiaPath { rows }
+        TibiaPath { lines: (1..=rows.len()).collect(), rows }
     }
 
     /// Refuses rows whose flexion does not increase, and turns of more than 20 degrees between neighbours.
@@ -115,18 +117,14 @@ impl TibiaPath {
                     b.flexion, a.flexion
                 ));
             }
-            let turn = a.pose().rotation.angle_to(&b.pose().rotation).to_degrees();
-            if turn > LONGEST_TURN {
-                problems.push(format!(
-                    "line {line}: the tibia turns by {turn:.1} degrees from the row before, must be at most {LONGEST_TURN}"
-                ));
-            }
         }
+        problems.extend(turns("tibia", &rows));
         if rows.is_empty() {
             problems.push("no rows".to_string());
         }
         if problems.is_empty() {
-            return Ok(TibiaPath::of(rows.into_iter().map(|(_, c)| c).collect()));
+            let (lines, rows) = rows.into_iter().unzip();
+            return Ok(TibiaPath { rows, lines });
         }
         Err(malformed(
             file,
@@ -143,6 +141,11 @@ impl TibiaPath {
     /// Rows as they are.
     pub fn rows(&self) -> &[Coordinates] {
         &self.rows
+    }
+
+    /// Line of every row in its file; of a made path its number.
+    pub fn lines(&self) -> &[usize] {
+        &self.lines
     }
 
     /// The pose at a flexion \[degrees\]; that of the nearest end outside. Between rows cubic, with the slope at a row of the parabola through it
@@ -200,11 +203,67 @@ pub const PATELLA: [&str; 6] = [
 ];
 
 /// Measured poses of tibia and patella, row by row.
-pub fn read_measured(file: &Path) -> Result<Vec<[Coordinates; 2]>, CouplingError> {
-    let text =
-        std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
-    let groups = columns(&text, file, [COLUMNS, PATELLA])?;
-    Ok(groups[0].iter().zip(&groups[1]).map(|((_, tibia), (_, patella))| [*tibia, *patella]).collect())
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Tibia and patella.
+    pub rows: Vec<[Coordinates; 2]>,
+    /// Line of each in its file.
+    pub lines: Vec<usize>,
+    /// Of every row, from how many frames of a recording it is a mean, where that is said.
+    pub frames: Vec<f64>,
+}
+
+/// Column of [`Measured::frames`].
+const FRAMES: &str = "frames";
+/// A mean of more frames than this counts as a reference.
+const FEW_FRAMES: f64 = 2.0;
+
+impl Measured {
+    /// Reads a table (CSV); all mistakes at once. Other columns are left alone.
+    pub fn read(file: &Path) -> Result<Measured, CouplingError> {
+        let text =
+            std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
+        let groups = columns(&text, file, [COLUMNS, PATELLA])?;
+        let mut problems = turns("tibia", &groups[0]);
+        problems.extend(turns("patella", &groups[1]));
+        if groups[0].is_empty() {
+            problems.push("no rows".to_string());
+        }
+        if !problems.is_empty() {
+            return Err(malformed(file, problems, "give poses that follow each other closely"));
+        }
+        let rows = groups[0].iter().zip(&groups[1]).map(|((_, tibia), (_, patella))| [*tibia, *patella]);
+        let lines = groups[0].iter().map(|row| row.0).collect();
+        Ok(Measured { rows: rows.collect(), lines, frames: optional(&text, FRAMES) })
+    }
+
+    /// The row nearest to extension that is a mean of more than two frames, or where that is not said the one nearest to extension.
+    pub fn reference(&self) -> Option<usize> {
+        let is_mean = |k: &usize| self.frames.get(*k).is_none_or(|n| *n > FEW_FRAMES);
+        let flexion = |k: usize| self.rows[k][0].flexion;
+        (0..self.rows.len()).filter(is_mean).min_by(|a, b| flexion(*a).total_cmp(&flexion(*b)))
+    }
+}
+
+/// Numbers of a column that may be there; none where it is not, or one is no number.
+fn optional(text: &str, name: &str) -> Vec<f64> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let at = reader.headers().ok().and_then(|h| h.iter().position(|h| h.trim() == name));
+    let cells = at.map(|at| reader.records().map(move |row| row.ok()?.get(at)?.trim().parse().ok()));
+    cells.and_then(|cells| cells.collect::<Option<Vec<f64>>>()).unwrap_or_default()
+}
+
+/// Turns of more than 20 degrees between neighbouring rows, in words.
+fn turns(bone: &str, rows: &[(usize, Coordinates)]) -> Vec<String> {
+    let turned = rows.windows(2).filter_map(|pair| {
+        let [(_, a), (line, b)] = [pair[0], pair[1]];
+        let turn = a.pose().rotation.angle_to(&b.pose().rotation).to_degrees();
+        let told = format!(
+            "line {line}: the {bone} turns by {turn:.1} degrees from the row before, must be at most {LONGEST_TURN}"
+        );
+        (turn > LONGEST_TURN).then_some(told)
+    });
+    turned.collect()
 }
 
 /// Rows of a table with their lines, one list per group of six columns.
@@ -213,7 +272,9 @@ pub(super) fn columns<const N: usize>(
     file: &Path,
     groups: [[&str; 6]; N],
 ) -> Result<Vec<Vec<(usize, Coordinates)>>, CouplingError> {
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    // A cell that is missing is told like one that is empty.
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
     let header = reader.headers().map_err(|e| malformed(file, vec![e.to_string()], "give a header"))?.clone();
     let mut problems = Vec::new();
     let mut place = |name: &str| {

@@ -78,7 +78,7 @@ impl Head {
         let [lateral, backward] = self.direction.map(f64::to_radians);
         // Seen from the front and from the side.
         let along = Vector3::new(-backward.tan(), 1.0, lateral.tan());
-        let upright = Rotation3::rotation_between(&Vector3::y(), shaft).unwrap_or_else(Rotation3::identity);
+        let upright = Rotation3::rotation_between(&Vector3::y(), shaft).expect("a shaft goes upward");
         insertion + upright * along.normalize() * self.length
     }
 }
@@ -93,16 +93,17 @@ pub struct Shaft {
 }
 
 impl Shaft {
-    /// The line through the middles of its points `from` to `to` \[m\] above the origin of the femur.
-    pub fn of(points: &[[f64; 3]], [from, to]: [f64; 2]) -> Shaft {
+    /// The line through the middles of its points `from` to `to` \[m\] above the origin of the femur, each half of that height on its own; `None`: there
+    /// are none.
+    pub fn of(points: &[[f64; 3]], [from, to]: [f64; 2]) -> Option<Shaft> {
         let middle = |lo: f64, hi: f64| {
             let within: Vec<Vector3<f64>> =
                 points.iter().filter(|p| p[1] >= lo && p[1] < hi).map(|p| Vector3::from(*p)).collect();
-            within.iter().sum::<Vector3<f64>>() / within.len() as f64
+            (!within.is_empty()).then(|| within.iter().sum::<Vector3<f64>>() / within.len() as f64)
         };
         let half = 0.5 * (from + to);
-        let middle = [middle(from, half), middle(half, to)];
-        Shaft { middle: middle[0], direction: (middle[1] - middle[0]).normalize() }
+        let (below, above) = (middle(from, half)?, middle(half, to)?);
+        Some(Shaft { middle: below, direction: (above - below).normalize() })
     }
 
     /// Its point that is nearest to another \[m\].
@@ -142,7 +143,8 @@ mod tests {
             })
         };
         let points: Vec<[f64; 3]> = (0..20).flat_map(|k| ring(0.105 + 0.01 * f64::from(k))).collect();
-        let shaft = Shaft::of(&points, [0.1, 0.3]);
+        let shaft = Shaft::of(&points, [0.1, 0.3]).unwrap();
+        assert_eq!(Shaft::of(&points[..80], [0.1, 0.4]), None, "nothing above the middle");
         let direction = Vector3::new(0.1, 1.0, -0.2).normalize();
         assert!((shaft.direction - direction).norm() < 1e-12, "{shaft:?}");
         let (at, aside) = (shaft.middle + 0.3 * direction, direction.cross(&Vector3::x()));

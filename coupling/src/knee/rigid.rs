@@ -44,6 +44,8 @@ const DISTANCE: f64 = 0.3e-3;
 const STRIDE: f64 = 0.25e-3;
 /// It is in no groove where that takes more \[m\].
 const FARTHEST: f64 = 10e-3;
+/// Shift to either side \[mm\] beyond which the patella is out of its groove: half its width.
+pub(super) const OUT: f64 = 21.5;
 /// Heights \[m\] above the origin of the femur between which it is shaft.
 const SHAFT: [f64; 2] = [0.1, 0.3];
 
@@ -105,17 +107,23 @@ const STRUCTURES: [Structure; 5] = [
 /// Why there is no such knee.
 #[derive(Debug, Error)]
 pub enum KneeError {
-    /// The patella touches the femur wherever it is put.
+    /// The patella is elsewhere in its reference pose.
     #[error(
-        "the patella is in no groove: {} mm in front of its reference pose it still touches the femur; give a pose in which it lies in front of the trochlea",
-        1e3 * FARTHEST
+        "the patella is in no groove in its reference pose: {0}; give a pose in which it lies in front of the trochlea"
     )]
-    NoGroove,
-    /// A spring whose ends strands take is missing.
+    NoGroove(String),
+    /// Springs whose ends strands take are missing.
     #[error(
-        "the model of the knee has no spring `{0}` between its bones; give its two ends, strands of the patella hold on there"
+        "no spring {} from the bones that it belongs to; give the two ends of each, strands of the patella hold on there",
+        .0.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
     )]
-    NoSpring(&'static str),
+    NoSprings(Vec<&'static str>),
+    /// The femur has no shaft that tells where upward is.
+    #[error(
+        "the femur has no shaft {} to {} mm above the origin of its knee, along which the quadriceps lies; give a bone that goes so far up",
+        1e3 * SHAFT[0], 1e3 * SHAFT[1]
+    )]
+    NoShaft,
     /// A string finds no way.
     #[error("`{0}` finds no way over the femur; give it ends outside of the bone")]
     NoWay(String),
@@ -332,6 +340,10 @@ impl RigidKnee {
         mode: ContactMode,
         quadriceps: Quadriceps,
     ) -> Result<RigidKnee, KneeError> {
+        let missing = missing_springs(anatomy);
+        if !missing.is_empty() {
+            return Err(KneeError::NoSprings(missing));
+        }
         let [tibia, patella] = [reference.tibia, reference.patella].map(|c| c.pose());
         let own = |bone: Bone| anatomy.frame(bone).inverse();
         // From the frame of the surfaces into that of the femur, in the reference pose.
@@ -352,7 +364,7 @@ impl RigidKnee {
             ContactMode::Guarded => Arc::new(field.raised(femur::below(&field, &sheet))),
         };
         let patellar = anatomy.placed(&anatomy.patellar_cartilage, Bone::Patella, &patella);
-        let lifted = lift(&solid, &patellar).ok_or(KneeError::NoGroove)?;
+        let lifted = lifted(&solid, &patellar, &reference.patella).map_err(KneeError::NoGroove)?;
         let lift = Translation3::new(lifted, 0.0, 0.0);
         let mut draft = Draft::default();
         let patellar = moved(&patellar, &lift.into());
@@ -361,7 +373,7 @@ impl RigidKnee {
             for (i, springs) in structure.springs.iter().enumerate() {
                 let name = format!("{}_{}", structure.name, i + 1);
                 let ends =
-                    ends(anatomy, structure.far, springs)?.map(|(bone, at)| (bone, to_reference(bone) * at));
+                    ends(anatomy, structure, springs).map(|(bone, at)| (bone, to_reference(bone) * at));
                 if ends[0].0 != Bone::Femur {
                     draft.strand(&name, ends, &lift, structure);
                     continue;
@@ -376,7 +388,7 @@ impl RigidKnee {
                 draft.string(&name, string, lift * to, StringPull::Elastic(law, slack))?;
             }
         }
-        let shaft = Shaft::of(&bone.points, SHAFT);
+        let shaft = Shaft::of(&bone.points, SHAFT).ok_or(KneeError::NoShaft)?;
         let muscles = match quadriceps {
             Quadriceps::Forces(heads) => {
                 let bounds = anatomy.patella_half_axes();
@@ -466,6 +478,11 @@ impl RigidKnee {
         straight.chain(sliding).collect()
     }
 
+    /// Whether the middle of the patella is where the distance to the femur is known; elsewhere nothing would touch it.
+    pub fn is_beside_femur(&self, patella: &Coordinates) -> bool {
+        self.femur.at(&patella.pose().translation.vector).is_some()
+    }
+
     /// Where every strand goes with the nodes at `x` \[m\], in the order of [`RigidKnee::strands`].
     pub fn ways(&self, x: &[f64]) -> Vec<Vec<Point3<f64>>> {
         let place = |n: u32| Point3::from(Vector3::from_column_slice(&x[3 * n as usize..][..3]));
@@ -525,35 +542,69 @@ fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface, layer: Layer) -> Vec
     surface.points.iter().zip(areas).map(sample).collect()
 }
 
-/// How far forward the patella has to go so that nothing touches \[m\].
-fn lift(femur: &DistanceField, patellar: &Surface) -> Option<f64> {
-    (0..=(FARTHEST / STRIDE) as usize).map(|k| k as f64 * STRIDE).find(|by| {
-        let is_off = |p: &[f64; 3]| femur.near(&(Vector3::from(*p) + *by * Vector3::x()), DISTANCE);
-        patellar.points.iter().all(|p| is_off(p).is_none_or(|at| at.distance >= DISTANCE))
-    })
+/// How far forward the patella has to go from its reference pose so that nothing touches \[m\]; why it is in no groove there.
+fn lifted(femur: &DistanceField, patellar: &Surface, reference: &Coordinates) -> Result<f64, String> {
+    let aside = reference.place[2];
+    if aside.abs() > OUT {
+        return Err(format!(
+            "it is {aside:.1} mm to lateral of the middle of the femur, at most {OUT} either way"
+        ));
+    }
+    let gaps = patellar.points.iter().filter_map(|p| Some(femur.at(&Vector3::from(*p))?.distance));
+    let gap = gaps.fold(f64::INFINITY, f64::min);
+    if gap > FARTHEST {
+        return Err(match gap.is_finite() {
+            true => {
+                format!("its cartilage is {:.1} mm off the femur, at most {} mm", 1e3 * gap, 1e3 * FARTHEST)
+            }
+            false => "it is not beside the knee of the femur".to_string(),
+        });
+    }
+    let is_off = |p: &Vector3<f64>| femur.near(p, DISTANCE).is_none_or(|at| at.distance >= DISTANCE);
+    let mut steps = (0..=(FARTHEST / STRIDE) as usize).map(|k| k as f64 * STRIDE);
+    let far_enough =
+        steps.find(|by| patellar.points.iter().all(|p| is_off(&(Vector3::from(*p) + *by * Vector3::x()))));
+    far_enough.ok_or_else(|| format!("{} mm in front of it, it still touches the femur", 1e3 * FARTHEST))
 }
 
-/// Ends of a strand, that at the patella last: means of those of some springs.
-fn ends(
-    anatomy: &KneeAnatomy,
-    far: &[&'static str],
-    near: &[&'static str],
-) -> Result<[(Bone, Point3<f64>); 2], KneeError> {
-    let mean = |names: &[&'static str], of: &dyn Fn(Bone) -> bool| {
-        let (mut bone, mut sum) = (Bone::Femur, Vector3::zeros());
-        for name in names {
-            let spring = anatomy.springs.iter().find(|s| s.name == *name);
-            let end = spring.and_then(|s| s.ends.into_iter().find(|end| of(end.0)));
-            let (on, at) = end.ok_or(KneeError::NoSpring(name))?;
-            (bone, sum) = (on, sum + at.coords);
+/// Whether a spring that a structure takes its far ends from has that one on this bone.
+fn is_far_end(structure: &Structure, bone: Bone) -> bool {
+    match structure.far {
+        [] => bone != Bone::Patella,
+        _ => bone == Bone::Femur,
+    }
+}
+
+/// Springs that structures take ends of and that are not there, or not on the bones.
+fn missing_springs(anatomy: &KneeAnatomy) -> Vec<&'static str> {
+    let has = |name: &str, of: &dyn Fn(Bone) -> bool| {
+        anatomy.springs.iter().any(|s| s.name == name && s.ends.iter().any(|end| of(end.0)))
+    };
+    let mut missing = Vec::new();
+    for structure in &STRUCTURES {
+        let near = structure.springs.iter().copied().flatten();
+        let is_far = |bone| is_far_end(structure, bone);
+        missing.extend(near.clone().filter(|name| !has(name, &|bone| bone == Bone::Patella)));
+        match structure.far {
+            [] => missing.extend(near.filter(|name| !has(name, &is_far))),
+            far => missing.extend(far.iter().filter(|name| !has(name, &is_far))),
         }
-        Ok::<_, KneeError>((bone, Point3::from(sum / names.len() as f64)))
+    }
+    missing.sort_unstable();
+    missing.dedup();
+    missing
+}
+
+/// Ends of a strand, that at the patella last: means of those of some springs, none of which is [missing](missing_springs).
+fn ends(anatomy: &KneeAnatomy, structure: &Structure, near: &[&str]) -> [(Bone, Point3<f64>); 2] {
+    let mean = |names: &[&str], of: &dyn Fn(Bone) -> bool| {
+        let named = names.iter().flat_map(|name| anatomy.springs.iter().find(|s| s.name == *name));
+        let ends: Vec<_> = named.filter_map(|s| s.ends.into_iter().find(|end| of(end.0))).collect();
+        let sum: Vector3<f64> = ends.iter().map(|end| end.1.coords).sum();
+        (ends[0].0, Point3::from(sum / ends.len() as f64))
     };
-    let far = match far {
-        [] => mean(near, &|bone| bone != Bone::Patella)?,
-        _ => mean(far, &|bone| bone == Bone::Femur)?,
-    };
-    Ok([far, mean(near, &|bone| bone == Bone::Patella)?])
+    let far = if structure.far.is_empty() { near } else { structure.far };
+    [mean(far, &|bone| is_far_end(structure, bone)), mean(near, &|bone| bone == Bone::Patella)]
 }
 
 /// Cartilage as an elastic foundation: pressure over depth is (1 − ν) E / ((1 + ν) (1 − 2 ν) h).

@@ -141,7 +141,11 @@ impl TautString {
         let mut left = Matrix3::zeros();
         for k in 0..FREE {
             let own = 2.0 * n * Matrix3::identity() + self.pressed(&places[k + 1]).2 - left;
-            left = own.try_inverse().map_or(Matrix3::zeros(), |inverse| n * n * inverse);
+            // Singular where the way is about to leave for another: then it is not settled.
+            let Some(inverse) = own.try_inverse() else {
+                return Way { places, length: f64::INFINITY, along, bend: Matrix3::zeros() };
+            };
+            left = n * n * inverse;
         }
         let second = n * Matrix3::identity() - left;
         let bend = (second - along * along.transpose()) / length;
@@ -207,8 +211,11 @@ impl Strings {
         way
     }
 
-    /// Energy \[J\], tension \[N\] and its derivative by ℓ \[N/m\].
+    /// Energy \[J\], tension \[N\] and its derivative by ℓ \[N/m\]. Without a way all of it is infinite, whatever the string bears.
     fn response(&self, e: usize, length: f64, controls: &[f64]) -> [f64; 3] {
+        if !length.is_finite() {
+            return [f64::INFINITY; 3];
+        }
         match self.strings[e].1 {
             Pull::Elastic(law, slack) => {
                 let r = LineLaw::Strand(law).response(length / slack, 0.0);

@@ -10,11 +10,14 @@
 use std::collections::BTreeSet;
 
 use fem::scene::EmbeddedSpec;
+use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
 use super::known_muscle;
+use crate::error::CouplingError;
 use crate::number::short;
+use crate::source::Source;
 use crate::thigh::build::Thigh;
 use crate::thigh::lines::lines_of_muscles;
 
@@ -22,6 +25,9 @@ use crate::thigh::lines::lines_of_muscles;
 pub(super) const LEVELS: [&str; 3] = ["full", "embedded", "line"];
 /// Edges of cubes \[mm\]: twice the finest mesh to the length of the longest muscle.
 pub(super) const CELLS: std::ops::RangeInclusive<f64> = 6.0..=500.0;
+
+/// Edges of the mesh to a cube at least.
+const LEAST_EDGES: f64 = 2.0;
 
 /// `[[fidelity]]` as written.
 #[derive(Deserialize)]
@@ -47,6 +53,8 @@ pub struct EmbeddedMuscle {
     pub muscle: String,
     /// Edge of a cube \[m\].
     pub cell: f64,
+    /// Where that is said: file and line.
+    pub said: String,
 }
 
 /// What `[[fidelity]]` says.
@@ -59,11 +67,13 @@ pub struct Fidelity {
 }
 
 impl Fidelity {
-    /// Checks every entry. `muscles`: whether there are any, and which, empty for all; those that are lines are taken out. `wrong` is told byte,
-    /// key, value and remedy of every mistake.
+    /// Checks every entry. `muscles`: whether there are any, and which, empty for all; those that are lines are taken out. `edge`: that of the
+    /// mesh \[m\]. `wrong` is told byte, key, value and remedy of every mistake.
     pub(super) fn check(
         entries: &[FidelityEntry],
         (deformable, muscles): &mut (bool, Vec<String>),
+        edge: f64,
+        at: &Source,
         wrong: &mut dyn FnMut(usize, &str, String, String),
     ) -> Fidelity {
         let mut found = Fidelity::default();
@@ -87,9 +97,19 @@ impl Fidelity {
                 continue;
             }
             match (level, &entry.cell_mm) {
+                (Level::Embedded, Some(cell)) if *cell.get_ref() < LEAST_EDGES * edge * 1e3 => wrong(
+                    cell.span().start,
+                    "cell_mm",
+                    cell.get_ref().to_string(),
+                    format!(
+                        "cubes that hold less than eight cells save nothing: take at least {} mm, twice the edges of the mesh",
+                        short(LEAST_EDGES * edge * 1e3)
+                    ),
+                ),
                 (Level::Embedded, Some(cell)) => {
+                    let said = format!("{}, line {}", at.file.display(), at.line(cell.span().start));
                     let cell = cell.get_ref() * 1e-3;
-                    found.embedded.push(EmbeddedMuscle { muscle: name.clone(), cell });
+                    found.embedded.push(EmbeddedMuscle { muscle: name.clone(), cell, said });
                 }
                 (Level::Embedded, None) => wrong(
                     entry.level.span().start,
@@ -119,11 +139,27 @@ impl Fidelity {
         found
     }
 
-    /// Puts the muscles of a thigh that are to be embedded into their grids.
-    pub fn apply(&self, thigh: &mut Thigh) {
-        let of = |name: &str| self.embedded.iter().find(|m| m.muscle == name);
-        let specs = thigh.muscles.iter().filter_map(|m| of(&m.name));
-        thigh.scene.embedded = specs.map(|m| EmbeddedSpec::new(&m.muscle, m.cell)).collect();
+    /// Puts the muscles of a thigh that are to be embedded into their grids; all whose cubes are larger than they are wide are refused. A grid
+    /// of one cube across has nothing left that bends.
+    pub fn apply(&self, thigh: &mut Thigh) -> Result<(), CouplingError> {
+        let is_there = |m: &&EmbeddedMuscle| thigh.muscles.iter().any(|of| of.name == m.muscle);
+        let embedded: Vec<&EmbeddedMuscle> = self.embedded.iter().filter(is_there).collect();
+        let wrong = embedded.iter().filter_map(|m| {
+            let width = width(thigh, &m.muscle);
+            let [cell, most] = [m.cell, width].map(|l| short((1e4 * l).floor() / 10.0));
+            (m.cell > width).then(|| {
+                format!(
+                    "{}: cell_mm is {cell}, and the box around {} is {most} mm wide; take less",
+                    m.said, m.muscle
+                )
+            })
+        });
+        let wrong: Vec<String> = wrong.collect();
+        if !wrong.is_empty() {
+            return Err(CouplingError::Option(wrong.join("\n")));
+        }
+        thigh.scene.embedded = embedded.iter().map(|m| EmbeddedSpec::new(&m.muscle, m.cell)).collect();
+        Ok(())
     }
 
     /// Muscles in grids with their cubes, in words; `None` where there are none.
@@ -132,4 +168,16 @@ impl Fidelity {
         let all: Vec<String> = self.embedded.iter().map(one).collect();
         (!all.is_empty()).then(|| all.join(", "))
     }
+}
+
+/// Width \[m\] of a muscle: the middle one of the sides of the box around its cells.
+fn width(thigh: &Thigh, muscle: &str) -> f64 {
+    let nodes = thigh.mesh.blocks.iter().filter(|b| b.name == muscle).flat_map(|b| &b.nodes);
+    let start = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
+    let [low, high] = nodes
+        .map(|n| Vector3::from(thigh.mesh.points[*n as usize]))
+        .fold(start, |[low, high], p| [low.inf(&p), high.sup(&p)]);
+    let mut sides: [f64; 3] = (high - low).into();
+    sides.sort_by(f64::total_cmp);
+    sides[1]
 }

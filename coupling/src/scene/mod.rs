@@ -358,9 +358,11 @@ impl SceneFile {
         let shells = self.effects.shells.unwrap_or(true);
         let mut all = (true, Vec::new());
         let of_entry = muscles.as_mut().unwrap_or(&mut all);
-        let fidelity = Fidelity::check(&self.fidelity, of_entry, &mut |byte, key, value, remedy| {
-            wrong.note(at.bad_at(byte, key, value, remedy));
-        });
+        let resolution = self.resolution_mm.unwrap_or(12.0) * 1e-3;
+        let fidelity =
+            Fidelity::check(&self.fidelity, of_entry, resolution, at, &mut |byte, key, value, remedy| {
+                wrong.note(at.bad_at(byte, key, value, remedy));
+            });
         let simulated = muscles.as_ref().map_or(&[][..], |m| m.1.as_slice());
         let materials = self.materials.check(simulated, shells, &mut |byte, key, value, remedy| {
             wrong.note(at.bad(at.line(byte), key, value, remedy));
@@ -411,7 +413,7 @@ impl SceneFile {
             deformable,
             muscles,
             surfaces: surfaces.flatten(),
-            resolution: self.resolution_mm.unwrap_or(12.0) * 1e-3,
+            resolution,
             inset: self.inset_mm.unwrap_or(0.0) * 1e-3,
             residuals: PerConfiguration {
                 without: accuracy.residual_n.unwrap_or(without),

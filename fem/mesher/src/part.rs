@@ -68,23 +68,3 @@ pub fn is_strands(name: &str) -> bool {
 pub fn bone_surface(bone: &str) -> String {
     format!("{BONE}{bone}")
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_say_of_which_muscle_they_are() {
-        let parts = [
-            MusclePart::Belly,
-            MusclePart::Surface,
-            MusclePart::On("thigh"),
-            MusclePart::TendonFibres,
-            MusclePart::Strands(2),
-        ];
-        for part in parts {
-            assert_eq!(muscle_of(&part.of("gracilis")), "gracilis", "{part:?}");
-            assert_eq!(is_strands(&part.of("gracilis")), matches!(part, MusclePart::Strands(_)), "{part:?}");
-        }
-    }
-}

@@ -79,6 +79,13 @@ impl Contact {
         self.near_within(p, Primitives::Samples, &|_, _| least, least + self.view(), 0.0)
     }
 
+    /// How many collision points are closer to a surface that they may meet, with the nodes at `x` \[m\], than `least` \[m\] says of point and surface;
+    /// it says no more than `most`. What it does meanwhile, and be it another search, does not matter to this one.
+    pub fn n_near(&self, x: &[f64], most: f64, least: &(dyn Fn(usize, usize) -> f64 + Sync)) -> usize {
+        let p = self.surfaces.positions(x);
+        self.near_within(&p, Primitives::Samples, least, most + self.view(), 0.0).len()
+    }
+
     /// Forgets what earlier searches have found.
     pub(super) fn forget_near(&self) {
         *self.held() = Memory::default();
@@ -318,57 +325,5 @@ impl Search<'_> {
             }
         }
         Some(near)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::mpsc::channel;
-    use std::time::Duration;
-
-    use super::*;
-    use crate::contact::ContactInput;
-    use crate::contact::surface::SurfaceInput;
-
-    /// A thread that waits for others in a search may take up another search of the same contact: here one is in the middle of the other.
-    #[test]
-    fn a_search_within_a_search_does_not_wait_for_it() {
-        const LEAST: f64 = 2e-3;
-        const FACES: [[u32; 4]; 6] =
-            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        // Two cubes of 10 mm, 1 mm apart.
-        let cube = |z: f64| {
-            let corner = move |i: u32| [f64::from(i & 1), f64::from(i >> 1 & 1), z + f64::from(i >> 2)];
-            (0..8).flat_map(corner).map(|c| 0.01 * c)
-        };
-        let x: Vec<f64> = cube(0.0).chain(cube(1.1)).collect();
-        let surface = |k: u32| SurfaceInput {
-            name: format!("cube {k}"),
-            faces: FACES.map(|face| face.map(|node| node + 8 * k)).to_vec(),
-            stiffness: vec![1e4; FACES.len()],
-            spacing: 2e-3,
-        };
-        let input = ContactInput {
-            surfaces: vec![surface(0), surface(1)],
-            pairs: vec![[0, 1]],
-            distance: 1e-3,
-            carrier: vec![None; 16],
-            ..ContactInput::default()
-        };
-        let contact = Contact::new(&input, &x);
-        let p = contact.surfaces.positions(&x);
-        let alone = contact.near(&p, LEAST).len();
-        assert!(alone > 8, "{alone} points");
-        let (done, told) = channel();
-        std::thread::spawn(move || {
-            let least = |_: usize, _: usize| {
-                assert_eq!(contact.near(&p, LEAST).len(), alone);
-                LEAST
-            };
-            let view = LEAST + contact.view();
-            let found = contact.near_within(&p, Primitives::Samples, &least, view, 0.0).len();
-            done.send(found).expect("somebody waits for it");
-        });
-        assert_eq!(told.recv_timeout(Duration::from_secs(60)), Ok(alone));
     }
 }

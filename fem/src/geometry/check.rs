@@ -1,8 +1,9 @@
-//! Is a surface one closed, outward, sound body?
+//! Is a surface one closed, outward, sound body, or one sheet without holes?
 
 use std::collections::BTreeMap;
 
 use super::intersect::is_degenerate;
+use super::surface::Edge;
 use super::{SearchSurface, Surface, SurfaceError};
 
 /// No part of a leg is larger or smaller \[m\].
@@ -33,6 +34,50 @@ impl Surface {
                 at: self.first_corner(first as usize),
             }),
         }
+    }
+
+    /// The same of an open sheet: one part, turned to one side, with one border, so without a hole. Self-intersection is not looked for.
+    pub fn check_sheet(&self) -> Result<(), SurfaceError> {
+        self.check_numbers()?;
+        self.check_size()?;
+        self.check_points()?;
+        let edges = self.edges();
+        if let Some(edge) = edges.iter().find(|e| e.sides.len() > 2) {
+            return Err(self.crowded_edge(edge));
+        }
+        if let Some(edge) = edges.iter().find(|e| e.sides.len() == 2 && e.sides[0].2 == e.sides[1].2) {
+            return Err(self.mixed_orientation(edge));
+        }
+        self.check_components()?;
+        let rims = self.rims(&edges);
+        match rims[..] {
+            [_] => Ok(()),
+            _ => Err(SurfaceError::Rims {
+                count: rims.len(),
+                at: rims.iter().min_by_key(|rim| rim.len()).map(|rim| self.points[rim[0] as usize]),
+            }),
+        }
+    }
+
+    /// Points of every border, those that hang together.
+    fn rims(&self, edges: &[Edge]) -> Vec<Vec<u32>> {
+        let mut beside: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for [a, b] in edges.iter().filter(|e| e.sides.len() == 1).map(|e| e.points) {
+            beside.entry(a).or_default().push(b);
+            beside.entry(b).or_default().push(a);
+        }
+        let mut rims = Vec::new();
+        while let Some((first, next)) = beside.pop_first() {
+            let (mut rim, mut next) = (vec![first], next);
+            while let Some(point) = next.pop() {
+                if let Some(more) = beside.remove(&point) {
+                    rim.push(point);
+                    next.extend(more);
+                }
+            }
+            rims.push(rim);
+        }
+        rims
     }
 
     fn first_corner(&self, triangle: usize) -> [f64; 3] {
@@ -99,12 +144,16 @@ impl Surface {
             return Err(SurfaceError::Open { count, triangle, at: self.points[edge.points[0] as usize] });
         }
         match edges.iter().find(|e| e.sides[0].2 == e.sides[1].2) {
-            Some(edge) => Err(SurfaceError::MixedOrientation {
-                first: edge.sides[0].0 as usize,
-                second: edge.sides[1].0 as usize,
-                at: self.points[edge.points[0] as usize],
-            }),
+            Some(edge) => Err(self.mixed_orientation(edge)),
             None => Ok(()),
+        }
+    }
+
+    fn mixed_orientation(&self, edge: &Edge) -> SurfaceError {
+        SurfaceError::MixedOrientation {
+            first: edge.sides[0].0 as usize,
+            second: edge.sides[1].0 as usize,
+            at: self.points[edge.points[0] as usize],
         }
     }
 

@@ -101,6 +101,18 @@ pub enum SurfaceError {
         /// One end of it \[m\].
         at: [f64; 3],
     },
+    /// A sheet that is closed, or has holes.
+    #[error(
+        "the surface has {count} borders{}; a sheet has one: {}",
+        at.map_or(String::new(), |at| format!(", the shortest at {at:.6?} m")),
+        if *count == 0 { "leave its back side out" } else { "close its holes" }
+    )]
+    Rims {
+        /// How many.
+        count: usize,
+        /// A point of the shortest \[m\]; `None`: there is none.
+        at: Option<[f64; 3]>,
+    },
     /// An edge of more than two triangles.
     #[error(
         "triangles {triangles:?} share one edge at {at:.6?} m; a surface has two sides, so at most two may"

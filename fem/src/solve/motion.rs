@@ -1,7 +1,9 @@
 //! How an island moved in time, and what its energies came to.
 
+use serde::{Deserialize, Serialize};
+
 /// How an island moved during a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct Motion {
     /// Time steps.
     pub steps: usize,

@@ -1,10 +1,12 @@
 //! How a load ended: what it took, or where and why it could be carried no farther.
 
-use super::{LooseComponent, Motion};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::{LooseComponent, Motion};
+
 /// How an island came to equilibrium under the full load.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct Advance {
     /// Load steps taken, and tried in vain.
     pub load_steps: usize,

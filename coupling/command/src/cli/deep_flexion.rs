@@ -10,10 +10,11 @@ use crate::output::atomic::OutputFolder;
 use crate::output::deep_flexion::{Results, write_deep_flexion};
 use crate::output::origin::{Again, InputFile};
 use crate::output::run::{RunRecord, RunStatus};
-use coupling::knee::deep::{DEEPEST, DeepFlexion, deviations};
+use coupling::knee::deep::{DEEPEST, DeepFlexion, KneeFiles, deviations};
 use coupling::knee::flexion::{Bent, FlexionFrame, flex, flex_told};
 use coupling::knee::muscles::Resolution;
 use coupling::knee::rigid::Quadriceps;
+use fem::plan::Warning;
 use fem::scene::ContactMode;
 use fem::solve::Settings;
 
@@ -30,21 +31,27 @@ pub struct Knee {
 }
 
 enum Pull {
-    Forces([f64; 2]),
+    Forces([f64; 2], ContactMode),
     Tissue(Resolution),
 }
 
 /// All of them, from the least to the most detailed one. With muscles the way begins where that of the study does.
-pub static KNEES: [Knee; 4] = [
+pub static KNEES: [Knee; 5] = [
     Knee {
         name: "deep_flexion",
         what: "A knee bent to 137.5 degrees, its patella free under the force of the quadriceps.",
-        quadriceps: Pull::Forces([200.0, 50.0]),
+        quadriceps: Pull::Forces([200.0, 50.0], ContactMode::Cheap),
+        first: 0.0,
+    },
+    Knee {
+        name: "deep_flexion_guarded",
+        what: "The same in guarded contact.",
+        quadriceps: Pull::Forces([200.0, 50.0], ContactMode::Guarded),
         first: 0.0,
     },
     Knee {
         name: "deep_flexion_embedded",
-        what: "The same from 25 degrees on, its quadriceps passive tissue, cells of 10 mm, the vasti in cubes of 20 mm.",
+        what: "A knee bent from 25 to 137.5 degrees, its quadriceps passive tissue, cells of 10 mm, the vasti in cubes of 20 mm.",
         quadriceps: Pull::Tissue(Resolution { edge: 10e-3, cell: Some(20e-3) }),
         first: 25.0,
     },
@@ -67,14 +74,22 @@ pub fn meant(scene: &Path) -> Option<&'static Knee> {
     KNEES.iter().find(|knee| scene.as_os_str() == knee.name)
 }
 
+/// Refuses a knee where a scene is wanted.
+pub(super) fn refuse(scene: &Path) -> Result<(), CommandError> {
+    let Some(Knee { name, .. }) = meant(scene) else { return Ok(()) };
+    Err(CommandError::Option(format!(
+        "`{name}` is a knee and no scene file: `sartorius step {name}` bends it, `sartorius cost deep_flexion` lays all knees beside each other"
+    )))
+}
+
 /// The knee of a folder of data, or a made one; the record has its files.
 pub(super) fn scene(data: Option<&Path>, record: &mut RunRecord) -> Result<DeepFlexion, CommandError> {
     let scene = match data {
         Some(data) => DeepFlexion::find(data)?,
         None => DeepFlexion::made()?,
     };
-    for file in &scene.files {
-        record.inputs.push(InputFile::of(file)?);
+    for file in scene.files.iter().flat_map(KneeFiles::all) {
+        record.inputs.push(InputFile::of(&file)?);
     }
     Ok(scene)
 }
@@ -90,13 +105,14 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     let scene = scene(arguments.data.as_deref(), &mut record)?;
     progress.lap("read");
     let build = || match meant.quadriceps {
-        Pull::Forces(_) => scene.knee(ContactMode::Cheap),
+        Pull::Forces(_, mode) => scene.knee(mode),
         Pull::Tissue(resolution) => scene.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution)),
     };
     let forces = match meant.quadriceps {
-        Pull::Forces(forces) => forces,
+        Pull::Forces(forces, _) => forces,
         Pull::Tissue(_) => [0.0; 2],
     };
+    let short = scene.short_of(meant.first)?;
     let knee = build()?;
     scene.check_poses(&knee)?;
     let claim = arguments.out.claim("step", name)?;
@@ -105,7 +121,7 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     progress.lap("knee");
     let settings = Settings::default();
     let (poses, rows) =
-        (scene.poses(meant.first), scene.measured.iter().map(|row| row[0]).collect::<Vec<_>>());
+        (scene.poses(meant.first), scene.measured.rows.iter().map(|row| row[0]).collect::<Vec<_>>());
     // What takes minutes says how far it is.
     let mut said = |f: &FlexionFrame| match meant.quadriceps {
         Pull::Tissue(_) if !quiet => progress.pause(|| {
@@ -121,7 +137,8 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
         rows => Some(flex(build()?, rows, forces[1], &settings)),
     };
     progress.lap("measured");
-    record.notes = notes(&deep);
+    let crossings = scene.crossings(&deep.patellas());
+    record.notes = short.into_iter().chain(notes(meant, &deep, &crossings)).collect();
     progress.pause(|| tell(&record.notes));
     record.reason = std::iter::once(&deep).chain(&unloaded).find_map(Bent::stopped_told);
     if record.reason.is_some() {
@@ -133,8 +150,15 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     let all_of = unloaded.as_ref().filter(|bent| bent.stopped.is_none());
     let against = all_of.map(|bent| deviations(&bent.frames, &scene.measured));
     let n_poses = poses.len();
-    let results =
-        Results { scene: &scene, deep: &deep, unloaded: unloaded.as_ref(), against, forces, n_poses };
+    let results = Results {
+        scene: &scene,
+        deep: &deep,
+        crossings,
+        unloaded: unloaded.as_ref(),
+        against,
+        forces,
+        n_poses,
+    };
     write_deep_flexion(folder, &results, &mut record)?;
     progress.lap("write");
     drop(progress);
@@ -156,7 +180,13 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
 }
 
 /// What a person should know of the knee.
-fn notes(deep: &Bent) -> Vec<String> {
+fn notes(meant: &Knee, deep: &Bent, crossings: &[usize]) -> Vec<String> {
+    // Of the plan only what hangs on data: cubes that hold two pieces of a muscle.
+    let divided = deep.knee.plan.warnings.iter().filter(|w| matches!(w, Warning::Divided { .. }));
+    let is_cheap = matches!(meant.quadriceps, Pull::Forces(_, ContactMode::Cheap));
+    let through = deep.frames.iter().zip(crossings).filter(|(_, n)| **n > 0 && !is_cheap).map(|(f, n)| {
+        format!("at {:.1} degrees {n} pairs of triangles of the cartilages intersect", f.tibia.flexion)
+    });
     let stretched = deep.stretched().into_iter().map(|(name, strain, flexion)| {
         format!(
             "strand {name} is stretched by {:.0} % at {flexion:.1} degrees; no ligament bears that",
@@ -177,5 +207,5 @@ fn notes(deep: &Bent) -> Vec<String> {
             name.replace('_', " ")
         )
     });
-    stretched.chain(drawn_out).chain(crossed).collect()
+    divided.map(ToString::to_string).chain(stretched).chain(drawn_out).chain(crossed).chain(through).collect()
 }

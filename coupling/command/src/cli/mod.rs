@@ -88,18 +88,20 @@ fn tell(doubts: &[String]) {
     }
 }
 
-/// Refuses an `--only` that names what there is not. The last argument: what it is not, and the words before those that there are.
+/// Refuses an `--only` that names what there is not, all of it. The last argument: what it is not, and the words before those that there are.
 fn known_names<'a>(
     only: &[String],
     known: impl Iterator<Item = &'a str> + Clone,
     [what, they_are]: [&str; 2],
 ) -> Result<(), CommandError> {
-    match only.iter().find(|name| !known.clone().any(|n| n == *name)) {
-        None => Ok(()),
-        Some(name) => Err(CommandError::Option(format!(
-            "--only names `{name}`, which is no {what}; {}",
-            unknown(name, they_are, known)
-        ))),
+    let strange = only.iter().filter(|name| !known.clone().any(|n| n == *name));
+    let told = strange.map(|name| {
+        format!("--only names `{name}`, which is no {what}; {}", unknown(name, they_are, known.clone()))
+    });
+    let told: Vec<String> = told.collect();
+    match told.is_empty() {
+        true => Ok(()),
+        false => Err(CommandError::Option(told.join("\n"))),
     }
 }
 

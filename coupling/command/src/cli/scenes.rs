@@ -27,6 +27,7 @@ pub fn run(arguments: &ScenesArguments) -> Result<Outcome, CommandError> {
         Some(name) => match all().find(|(known, _)| known == name) {
             Some((_, text)) => write!(out, "{text}"),
             None => {
+                deep_flexion::refuse(Path::new(name))?;
                 let meant = hint(nearest(name, all().map(|(known, _)| known)));
                 return Err(CommandError::Option(format!(
                     "no shipped scene or trial is named `{name}`; {meant}`sartorius scenes` lists them"
@@ -73,6 +74,7 @@ pub(super) fn scenes() -> String {
 
 /// The scene that a person names.
 pub(super) fn read_scene(given: &Path, data: Option<&Path>) -> Result<Scene, CommandError> {
+    deep_flexion::refuse(given)?;
     if let Some(said) = shipped::ambiguity(given, &shipped::find(given, Kind::Scene)?) {
         coupling::say!("note: {said}");
     }

@@ -26,6 +26,8 @@ pub struct Results<'a> {
     pub scene: &'a DeepFlexion,
     /// To deep flexion.
     pub deep: &'a Bent,
+    /// Of every frame the pairs of triangles of both cartilages that intersect.
+    pub crossings: Vec<usize>,
     /// Along the measured poses, where there are some.
     pub unloaded: Option<&'a Bent>,
     /// Per coordinate RMSD against the measured poses \[degrees, mm\], and over the mean of the measured values.
@@ -84,9 +86,9 @@ pub fn write_deep_flexion(
     record: &mut RunRecord,
 ) -> Result<Vec<String>, OutputError> {
     let started = Instant::now();
-    out.write(PATELLA_FILE, |w| patella(w, results.deep))?;
+    out.write(PATELLA_FILE, |w| patella(w, results.deep, &results.crossings))?;
     if let Some(unloaded) = results.unloaded {
-        out.write("measured.csv", |w| measured(w, unloaded, &results.scene.measured))?;
+        out.write("measured.csv", |w| measured(w, unloaded, &results.scene.measured.rows))?;
     }
     if let Some(tissue) = &results.deep.knee.muscles {
         out.write(QUADRICEPS_FILE, |w| muscles(w, results.deep))?;
@@ -105,6 +107,10 @@ pub fn write_deep_flexion(
     record.verdict = Some(json!({
         "frames_solved": results.deep.frames.len(),
         "frames_asked": results.n_poses,
+        "against_measured": results.against.map(|all| {
+            let named = PATELLA.into_iter().zip(all);
+            named.map(|(name, [rmsd, nrmsd])| (name, json!({ "rmsd": rmsd, "nrmsd": nrmsd }))).collect::<BTreeMap<_, _>>()
+        }),
         "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
     }));
     let listed = super::names_in(&frames).into_iter().map(|name| format!("{}/{name}", KNEE_FRAMES[0][0]));
@@ -113,18 +119,23 @@ pub fn write_deep_flexion(
 }
 
 /// A row per frame: the patella, its contact, tension and strain of every strand.
-fn patella(w: &mut dyn std::io::Write, bent: &Bent) -> std::io::Result<()> {
+fn patella(w: &mut dyn std::io::Write, bent: &Bent, crossings: &[usize]) -> std::io::Result<()> {
     let mut csv = csv::Writer::from_writer(w);
-    let contact = ["contact_force_N", "contact_area_mm2", "greatest_pressure_MPa"];
+    let contact = ["contact_force_N", "contact_area_mm2", "greatest_pressure_MPa", "crossings_of_cartilages"];
     let settled = ["left_force_N", "left_moment_Nmm", "iterations"];
     let strands = bent.knee.strands.iter().flat_map(|s| [format!("{s}_N"), format!("{s}_strain")]);
     let header = std::iter::once(FLEXION).chain(PATELLA).chain(contact).chain(settled);
     csv.write_record(header.map(str::to_string).chain(strands))?;
     let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-    for f in &bent.frames {
+    for (f, crossings) in bent.frames.iter().zip(crossings) {
         let mut row = vec![f.tibia.flexion];
         row.extend(f.patella.to_array());
-        row.extend([f.contact.force.norm(), 1e6 * f.contact.area, 1e-6 * f.contact.pressure]);
+        row.extend([
+            f.contact.force.norm(),
+            1e6 * f.contact.area,
+            1e-6 * f.contact.pressure,
+            *crossings as f64,
+        ]);
         row.extend([norm(f.residual.force), 1e3 * norm(f.residual.moment), f.iterations as f64]);
         row.extend(f.strands.iter().flat_map(|s| [s.tension, s.strain]));
         csv.write_record(row.iter().map(f64::to_string))?;

@@ -34,7 +34,8 @@ pub fn page(results: &Results) -> String {
             .flat_map(|u| &u.frames)
             .map(move |f| [f.tibia.flexion, f.patella.to_array()[c]])
     };
-    let measured = |c: usize| results.scene.measured.iter().map(move |r| [r[0].flexion, r[1].to_array()[c]]);
+    let measured =
+        |c: usize| results.scene.measured.rows.iter().map(move |r| [r[0].flexion, r[1].to_array()[c]]);
     let figures: Vec<String> = (0..6)
         .map(|c| {
             let curves = [

@@ -32,8 +32,21 @@ impl Surface {
 
     /// Reads a file and refuses a surface that is not sound, naming the file.
     pub fn read_checked(file: &Path, unit: LengthUnit) -> Result<Surface, SurfaceError> {
+        Surface::read_if(file, unit, Surface::check)
+    }
+
+    /// The same of an open sheet ([`Surface::check_sheet`]).
+    pub fn read_sheet(file: &Path, unit: LengthUnit) -> Result<Surface, SurfaceError> {
+        Surface::read_if(file, unit, Surface::check_sheet)
+    }
+
+    fn read_if(
+        file: &Path,
+        unit: LengthUnit,
+        check: fn(&Surface) -> Result<(), SurfaceError>,
+    ) -> Result<Surface, SurfaceError> {
         let surface = Surface::read(file, unit)?;
-        match surface.check() {
+        match check(&surface) {
             Ok(()) => Ok(surface),
             Err(reason) => Err(SurfaceError::InFile { file: file.into(), reason: Box::new(reason) }),
         }
