@@ -12,7 +12,7 @@ use crate::{Case, Outcome, Tier};
 pub const CASES: &[Case] = &[Case {
     id: "T11",
     title: "vastus intermedius from its mesh to a grid at held poses",
-    tier: Tier::Quick,
+    tier: Tier::Full,
     run: switched,
 }];
 

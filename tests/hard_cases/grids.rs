@@ -15,7 +15,7 @@ pub const CASES: &[Case] = &[
     Case {
         id: "T8",
         title: "vastus intermedius from 40 mm to its mesh",
-        tier: Tier::Quick,
+        tier: Tier::Full,
         run: grid_cases::comes_down_to_its_mesh,
     },
     Case {

@@ -20,6 +20,7 @@ mod hertz;
 mod incompressible;
 mod judge;
 mod knee;
+mod meshes;
 mod no_equilibrium;
 mod page;
 mod rigid;
@@ -79,6 +80,7 @@ fn main() {
         sweeps::CASES,
         fidelity::CASES,
         knee::CASES,
+        meshes::CASES,
         dynamics::CASES,
         equilibrium::CASES,
         incompressible::CASES,

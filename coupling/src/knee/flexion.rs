@@ -255,8 +255,9 @@ fn course(
             run.unsolved = Some(advanced.frame);
             return (frames, drive, run, Some(Stopped::NoWay(lost, Box::new(frame))));
         }
+        let is_beside = knee.is_beside_femur(advanced.frame.snapshot().x);
         run.frames.push(advanced.frame);
-        if frame.patella.place[2].abs() > OUT || !knee.is_beside_femur(&frame.patella) {
+        if frame.patella.place[2].abs() > OUT || !is_beside {
             return (frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
         }
         tell(&frame);

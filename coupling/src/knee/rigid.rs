@@ -478,9 +478,12 @@ impl RigidKnee {
         straight.chain(sliding).collect()
     }
 
-    /// Whether the middle of the patella is where the distance to the femur is known; elsewhere nothing would touch it.
-    pub fn is_beside_femur(&self, patella: &Coordinates) -> bool {
-        self.femur.at(&patella.pose().translation.vector).is_some()
+    /// Whether some of the cartilage of the patella is where the distance to the femur is known, with the nodes at `x` \[m\], 3 per node; elsewhere
+    /// nothing would touch it.
+    pub fn is_beside_femur(&self, x: &[f64]) -> bool {
+        let nodes = self.plan.mesh.surfaces[PATELLAR_CARTILAGE].iter().flatten();
+        let mut places = nodes.map(|n| Vector3::from_column_slice(&x[3 * *n as usize..][..3]));
+        places.any(|place| self.femur.at(&place).is_some())
     }
 
     /// Where every strand goes with the nodes at `x` \[m\], in the order of [`RigidKnee::strands`].
