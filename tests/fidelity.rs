@@ -149,7 +149,7 @@ fn a_muscle_in_a_grid_pulls_as_its_mesh_does_and_the_others_do_not_notice() {
         muscle.scene.fibres.clear();
         drawn(&muscle, by, &settings).unwrap().0
     };
-    for (by, within) in [(PULLED, 2e-3), (0.05, 0.15), (0.2, 0.15), (0.3, 0.15)] {
+    for (by, within) in [(PULLED, 2e-3), (0.3, 0.15)] {
         let [mesh, grid] = [&whole, &grid].map(|c| at(c, by));
         println!("drawn by {by}: mesh {mesh:.4} N, grid {grid:.4} N, {:.4}", grid / mesh);
         assert!((grid / mesh - 1.0).abs() < within, "drawn by {by}: {grid} N, mesh {mesh} N");
