@@ -551,7 +551,7 @@ fn pull(thigh: &Thigh) -> ([Vector3<f64>; 4], Vector3<f64>) {
 fn four_heads_join_in_the_quadriceps_tendon() {
     let only = HEADS.map(String::from);
     let effects = ThighEffects { fibres: Some(1), shells: false };
-    let made = coupling::thigh::built_in(10e-3, &only, effects).unwrap();
+    let made = coupling::thigh::built_in(9e-3, &only, effects).unwrap();
     let thigh = &made.thigh;
     assert_eq!(thigh.tendons.len(), 4);
     for tendon in &thigh.tendons {
