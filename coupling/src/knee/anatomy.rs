@@ -139,26 +139,26 @@ impl KneeAnatomy {
         ];
         let mut body = |name: &str| wrong.keep(Surface::read_checked(&folder.join(name), LengthUnit::Metre));
         let [femur, patella] = [body(FEMUR), body(PATELLA)];
+        let [femoral, patellar, medial, lateral] = sheets;
         for (name, sheet, bone) in
-            [(FEMORAL_CARTILAGE, &sheets[0], &femur), (PATELLAR_CARTILAGE, &sheets[1], &patella)]
+            [(FEMORAL_CARTILAGE, &femoral, &femur), (PATELLAR_CARTILAGE, &patellar, &patella)]
         {
             let (Some(sheet), Some(bone)) = (sheet, bone) else { continue };
-            if !looks_away(sheet, bone)? {
+            if wrong.keep(looks_away(sheet, bone)) == Some(false) {
                 let problem = "its triangles look into the bone".to_string();
                 let remedy = "turn all of them round: normals of cartilage look into the joint";
                 wrong.note(malformed(&folder.join(name), problem, remedy).into());
             }
         }
         wrong.finish()?;
-        let none = || CouplingError::Option(format!("{} holds no knee", folder.display()));
-        let (frames, springs) = model.ok_or_else(none)?;
-        let [femoral, patellar, medial, lateral] = sheets;
+        let sound = "nothing was wrong with it";
+        let (frames, springs) = model.expect(sound);
         Ok(KneeAnatomy {
-            femoral_cartilage: femoral.ok_or_else(none)?,
-            patellar_cartilage: patellar.ok_or_else(none)?,
-            patella: patella.ok_or_else(none)?,
-            femur: femur.ok_or_else(none)?,
-            tibial_cartilage: [medial.ok_or_else(none)?, lateral.ok_or_else(none)?],
+            femoral_cartilage: femoral.expect(sound),
+            patellar_cartilage: patellar.expect(sound),
+            patella: patella.expect(sound),
+            femur: femur.expect(sound),
+            tibial_cartilage: [medial.expect(sound), lateral.expect(sound)],
             frames,
             springs,
             solid: FemurSolid::Surfaces,

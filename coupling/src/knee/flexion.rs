@@ -49,7 +49,7 @@ impl FlexionFrame {
     fn failed(knee: &RigidKnee, tibia: &Coordinates, frame: &Frame) -> FlexionFrame {
         let mut whole = frame.clone();
         for (n, motion) in knee.plan.motion.iter().enumerate() {
-            let x = whole.x[3 * n..][..3].as_mut_array().expect("three components");
+            let x = (&mut whole.x[3 * n..3 * n + 3]).try_into().expect("three components");
             frame.load.prescribe(motion, &knee.plan.mesh.points[n], x);
         }
         FlexionFrame::of(knee, tibia, &whole)

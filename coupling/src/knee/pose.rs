@@ -226,6 +226,7 @@ impl Measured {
         let groups = columns(&text, file, [COLUMNS, PATELLA])?;
         let mut problems = turns("tibia", &groups[0]);
         problems.extend(turns("patella", &groups[1]));
+        let frames = counted(&text, &mut problems);
         if groups[0].is_empty() {
             problems.push("no rows".to_string());
         }
@@ -234,7 +235,7 @@ impl Measured {
         }
         let rows = groups[0].iter().zip(&groups[1]).map(|((_, tibia), (_, patella))| [*tibia, *patella]);
         let lines = groups[0].iter().map(|row| row.0).collect();
-        Ok(Measured { rows: rows.collect(), lines, frames: optional(&text, FRAMES) })
+        Ok(Measured { rows: rows.collect(), lines, frames })
     }
 
     /// The row nearest to extension that is a mean of more than two frames, or where that is not said the one nearest to extension.
@@ -245,12 +246,20 @@ impl Measured {
     }
 }
 
-/// Numbers of a column that may be there; none where it is not, or one is no number.
-fn optional(text: &str, name: &str) -> Vec<f64> {
+/// The column [`FRAMES`] of a table; nothing where there is none.
+fn counted(text: &str, problems: &mut Vec<String>) -> Vec<f64> {
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
-    let at = reader.headers().ok().and_then(|h| h.iter().position(|h| h.trim() == name));
-    let cells = at.map(|at| reader.records().map(move |row| row.ok()?.get(at)?.trim().parse().ok()));
-    cells.and_then(|cells| cells.collect::<Option<Vec<f64>>>()).unwrap_or_default()
+    let at = reader.headers().ok().and_then(|header| header.iter().position(|h| h.trim() == FRAMES));
+    let Some(at) = at else { return Vec::new() };
+    let mut number = |row: csv::StringRecord| {
+        let cell = row.get(at).unwrap_or("").trim();
+        cell.parse().unwrap_or_else(|_| {
+            let line = row.position().map_or(0, |p| p.line());
+            problems.push(format!("line {line}: {FRAMES} is `{cell}`, must be a number"));
+            0.0
+        })
+    };
+    reader.records().flatten().map(&mut number).collect()
 }
 
 /// Turns of more than 20 degrees between neighbouring rows, in words.
