@@ -151,10 +151,14 @@ impl DeepFlexion {
         patellas.par_iter().map(|p| femoral.intersections(&patellar(p)).len()).collect()
     }
 
+    /// Where the poses of the tibia come from, in words.
+    fn path_told(&self) -> String {
+        self.files.as_ref().map_or("the way of the made knee".into(), |f| f.path.display().to_string())
+    }
+
     /// How far the table of poses falls short of a way from a flexion \[degrees\] on, in words; refuses one that has nothing of it.
     pub fn short_of(&self, first: f64) -> Result<Option<String>, CouplingError> {
-        let [from, to] = self.path.range();
-        let file = self.files.as_ref().map_or("the made knee".into(), |f| f.path.display().to_string());
+        let ([from, to], file) = (self.path.range(), self.path_told());
         if self.poses(first).is_empty() {
             return Err(CouplingError::Option(format!(
                 "{file}: poses from {from} to {to} degrees of flexion have nothing of the way from {first} to {DEEPEST}; give poses there"
@@ -180,9 +184,9 @@ impl DeepFlexion {
         let femur = SearchSurface::new(femur);
         // Around the knee there is a smooth distance to cartilage and bone, elsewhere that to the bone.
         let bone = SignedDistance::new(&femur)?;
-        let depth = |p: &Vector3<f64>| match knee.femur.at(p) {
-            Some(at) => -at.distance,
-            None => -bone.at(p).distance,
+        let depth = |p: &Vector3<f64>| match knee.femur.knows(p) {
+            true => knee.femur.near(p, 0.0).map_or(0.0, |at| -at.distance),
+            false => -bone.at(p).distance,
         };
         let path = self.path.rows().iter().zip(self.path.lines());
         let rows = path.map(|(pose, line)| (format!("line {line} ({} degrees)", pose.flexion), *pose));
@@ -208,13 +212,11 @@ impl DeepFlexion {
             });
             deep.collect::<Vec<String>>()
         };
-        let file = |of: fn(&KneeFiles) -> &PathBuf| {
-            self.files.as_ref().map_or("the way of the made knee".into(), |f| of(f).display().to_string())
-        };
+        let measured_told = self.files.as_ref().map_or(String::new(), |f| f.measured.display().to_string());
         let mut wrong = Mistakes::default();
         for (file, problems) in [
-            (file(|f| &f.path), said(rows.chain(between).collect())),
-            (file(|f| &f.measured), said(measured.collect())),
+            (self.path_told(), said(rows.chain(between).collect())),
+            (measured_told, said(measured.collect())),
         ] {
             if !problems.is_empty() {
                 wrong.note(CouplingError::Option(format!(

@@ -208,18 +208,19 @@ fn course(
         Ok(session) => session,
         Err(error) => return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None))),
     };
+    let load = |tibia: &Coordinates, force: f64, step: usize| {
+        let refused = |source| SolveError::Load { step, source: Box::new(source) };
+        knee.load(tibia, force).map_err(|source| Stopped::NoEquilibrium(refused(source), None))
+    };
     // Where the patella is, is known in the reference pose: the force comes there, doubled from part to part, and the tibia goes to the first
     // pose in small steps.
     let way = poses.first().map_or(Vec::new(), |first| knee.reference.towards(first, APPROACH));
     let doubled = if quadriceps > 0.0 { DOUBLED } else { 0 };
     let parts = (1..=doubled).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
     for (tibia, part) in &parts.chain(way.into_iter().map(|tibia| (tibia, 1.0))).collect::<Vec<_>>() {
-        let load = match knee.load(tibia, part * quadriceps) {
+        let load = match load(tibia, part * quadriceps, 0) {
             Ok(load) => load,
-            Err(source) => {
-                let error = SolveError::Load { step: 0, source: Box::new(source) };
-                return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None)));
-            }
+            Err(stopped) => return (frames, drive, run, Some(stopped)),
         };
         let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
         run.iterations.append(&mut advanced.iterations);
@@ -233,12 +234,9 @@ fn course(
         }
     }
     for tibia in poses {
-        let load = match knee.load(tibia, quadriceps) {
+        let load = match load(tibia, quadriceps, frames.len()) {
             Ok(load) => load,
-            Err(source) => {
-                let error = SolveError::Load { step: frames.len(), source: Box::new(source) };
-                return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None)));
-            }
+            Err(stopped) => return (frames, drive, run, Some(stopped)),
         };
         drive.frames.push(DriveFrame { time: tibia.flexion, load });
         let mut advanced = session.advance(&drive.frames[frames.len()]);

@@ -248,7 +248,7 @@ impl Measured {
 
 /// The column [`FRAMES`] of a table; nothing where there is none.
 fn counted(text: &str, problems: &mut Vec<String>) -> Vec<f64> {
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let mut reader = reader(text);
     let at = reader.headers().ok().and_then(|header| header.iter().position(|h| h.trim() == FRAMES));
     let Some(at) = at else { return Vec::new() };
     let mut number = |row: csv::StringRecord| {
@@ -275,15 +275,18 @@ fn turns(bone: &str, rows: &[(usize, Coordinates)]) -> Vec<String> {
     turned.collect()
 }
 
+/// Reads a table in which a cell that is missing is told like one that is empty.
+fn reader(text: &str) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes())
+}
+
 /// Rows of a table with their lines, one list per group of six columns.
 pub(super) fn columns<const N: usize>(
     text: &str,
     file: &Path,
     groups: [[&str; 6]; N],
 ) -> Result<Vec<Vec<(usize, Coordinates)>>, CouplingError> {
-    // A cell that is missing is told like one that is empty.
-    let mut reader =
-        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
+    let mut reader = reader(text);
     let header = reader.headers().map_err(|e| malformed(file, vec![e.to_string()], "give a header"))?.clone();
     let mut problems = Vec::new();
     let mut place = |name: &str| {

@@ -483,7 +483,7 @@ impl RigidKnee {
     pub fn is_beside_femur(&self, x: &[f64]) -> bool {
         let nodes = self.plan.mesh.surfaces[PATELLAR_CARTILAGE].iter().flatten();
         let mut places = nodes.map(|n| Vector3::from_column_slice(&x[3 * *n as usize..][..3]));
-        places.any(|place| self.femur.at(&place).is_some())
+        places.any(|place| self.femur.knows(&place))
     }
 
     /// Where every strand goes with the nodes at `x` \[m\], in the order of [`RigidKnee::strands`].

@@ -9,8 +9,10 @@
 
 use std::collections::BTreeSet;
 
+use fem::geometry::Surface;
+use fem::mesh::MeshError;
 use fem::scene::EmbeddedSpec;
-use nalgebra::Vector3;
+use mesher::MusclePart;
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -144,17 +146,17 @@ impl Fidelity {
     pub fn apply(&self, thigh: &mut Thigh) -> Result<(), CouplingError> {
         let is_there = |m: &&EmbeddedMuscle| thigh.muscles.iter().any(|of| of.name == m.muscle);
         let embedded: Vec<&EmbeddedMuscle> = self.embedded.iter().filter(is_there).collect();
-        let wrong = embedded.iter().filter_map(|m| {
-            let width = width(thigh, &m.muscle);
-            let [cell, most] = [m.cell, width].map(|l| short((1e4 * l).floor() / 10.0));
-            (m.cell > width).then(|| {
-                format!(
+        let mut wrong = Vec::new();
+        for m in &embedded {
+            let width = width(thigh, &m.muscle)?;
+            if m.cell > width {
+                let [cell, most] = [m.cell, width].map(|l| short((1e4 * l).floor() / 10.0));
+                wrong.push(format!(
                     "{}: cell_mm is {cell}, and the box around {} is {most} mm wide; take less",
                     m.said, m.muscle
-                )
-            })
-        });
-        let wrong: Vec<String> = wrong.collect();
+                ));
+            }
+        }
         if !wrong.is_empty() {
             return Err(CouplingError::Option(wrong.join("\n")));
         }
@@ -170,14 +172,10 @@ impl Fidelity {
     }
 }
 
-/// Width \[m\] of a muscle: the middle one of the sides of the box around its cells.
-fn width(thigh: &Thigh, muscle: &str) -> f64 {
-    let nodes = thigh.mesh.blocks.iter().filter(|b| b.name == muscle).flat_map(|b| &b.nodes);
-    let start = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
-    let [low, high] = nodes
-        .map(|n| Vector3::from(thigh.mesh.points[*n as usize]))
-        .fold(start, |[low, high], p| [low.inf(&p), high.sup(&p)]);
+/// Width \[m\] of a muscle: the middle one of the sides of the box around it.
+fn width(thigh: &Thigh, muscle: &str) -> Result<f64, MeshError> {
+    let (low, high) = Surface::of_mesh(&thigh.mesh, &MusclePart::Surface.of(muscle))?.0.bounds();
     let mut sides: [f64; 3] = (high - low).into();
     sides.sort_by(f64::total_cmp);
-    sides[1]
+    Ok(sides[1])
 }

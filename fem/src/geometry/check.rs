@@ -42,12 +42,8 @@ impl Surface {
         self.check_size()?;
         self.check_points()?;
         let edges = self.edges();
-        if let Some(edge) = edges.iter().find(|e| e.sides.len() > 2) {
-            return Err(self.crowded_edge(edge));
-        }
-        if let Some(edge) = edges.iter().find(|e| e.sides.len() == 2 && e.sides[0].2 == e.sides[1].2) {
-            return Err(self.mixed_orientation(edge));
-        }
+        self.check_crowding(&edges)?;
+        self.check_orientation(&edges)?;
         self.check_components()?;
         let rims = self.rims(&edges);
         match rims[..] {
@@ -135,25 +131,29 @@ impl Surface {
             return Err(SurfaceError::Empty);
         }
         let edges = self.edges();
-        if let Some(edge) = edges.iter().find(|e| e.sides.len() > 2) {
-            return Err(self.crowded_edge(edge));
-        }
+        self.check_crowding(&edges)?;
         let mut open = edges.iter().filter(|e| e.sides.len() == 1);
         if let Some(edge) = open.next() {
             let (count, triangle) = (1 + open.count(), edge.sides[0].0 as usize);
             return Err(SurfaceError::Open { count, triangle, at: self.points[edge.points[0] as usize] });
         }
-        match edges.iter().find(|e| e.sides[0].2 == e.sides[1].2) {
-            Some(edge) => Err(self.mixed_orientation(edge)),
-            None => Ok(()),
-        }
+        self.check_orientation(&edges)
     }
 
-    fn mixed_orientation(&self, edge: &Edge) -> SurfaceError {
-        SurfaceError::MixedOrientation {
-            first: edge.sides[0].0 as usize,
-            second: edge.sides[1].0 as usize,
-            at: self.points[edge.points[0] as usize],
+    /// No edge belongs to more than two triangles.
+    fn check_crowding(&self, edges: &[Edge]) -> Result<(), SurfaceError> {
+        edges.iter().find(|e| e.sides.len() > 2).map_or(Ok(()), |edge| Err(self.crowded_edge(edge)))
+    }
+
+    /// The two triangles of an edge look to the same side.
+    fn check_orientation(&self, edges: &[Edge]) -> Result<(), SurfaceError> {
+        match edges.iter().find(|e| matches!(e.sides[..], [(.., a), (.., b)] if a == b)) {
+            Some(edge) => Err(SurfaceError::MixedOrientation {
+                first: edge.sides[0].0 as usize,
+                second: edge.sides[1].0 as usize,
+                at: self.points[edge.points[0] as usize],
+            }),
+            None => Ok(()),
         }
     }
 

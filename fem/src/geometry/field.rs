@@ -94,7 +94,12 @@ impl DistanceField {
     pub fn is_free(&self, middle: &Vector3<f64>, radius: f64, within: f64) -> bool {
         let [lo, hi] = self.bounds();
         let outside = (lo - middle).sup(&(middle - hi)).sup(&Vector3::zeros()).norm();
-        outside > radius || self.cell(middle).is_some() && self.near(middle, within + radius).is_none()
+        outside > radius || self.knows(middle) && self.near(middle, within + radius).is_none()
+    }
+
+    /// Whether φ is known at a point \[m\]: it is in the box.
+    pub fn knows(&self, point: &Vector3<f64>) -> bool {
+        self.cell(point).is_some()
     }
 
     /// φ at a point \[m\]; `None` outside the box.
