@@ -179,7 +179,7 @@ fn knees_are_laid_beside_each_other_over_the_time_that_they_take() {
 fn surfaces_of_a_made_knee_go_through_nothing() {
     let made = DeepFlexion::made().unwrap();
     let knee = made.knee(ContactMode::Guarded).unwrap();
-    made.check_poses(&knee).unwrap();
+    made.check_poses(&knee.femur).unwrap();
     let poses: Vec<Coordinates> = made.poses(0.0).into_iter().step_by(5).collect();
     let bent = flex(knee, &poses, 200.0, &Settings::default());
     assert!(bent.stopped.is_none(), "{:?}", bent.stopped_told());

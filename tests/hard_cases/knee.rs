@@ -5,7 +5,7 @@
 use crate::sweeps::rapid_fraction;
 use crate::{Case, Outcome, Tier};
 use coupling::knee::anatomy::Bone;
-use coupling::knee::deep::{DeepFlexion, deviations};
+use coupling::knee::deep::{DeepFlexion, Deviation, deviations, nrmsd_sum};
 use coupling::knee::flexion::{Bent, FlexionFrame, flex};
 use coupling::knee::muscles::Resolution;
 use coupling::knee::pose::Coordinates;
@@ -248,9 +248,10 @@ fn measured() -> Outcome {
         return Err(format!("{} frames, then {}", frames.len(), stopped.told(&knee)));
     }
     let all = deviations(&frames, rows);
-    let (sum, good) = (all.iter().map(|a| a[1]).sum::<f64>(), (0..6).all(|c| all[c][0] <= BARS[c]));
-    let parts: Vec<String> =
-        (0..6).map(|c| format!("{} {:.2} ({:.2})", NAMES[c], all[c][0], all[c][1])).collect();
+    let sum = nrmsd_sum(&all).ok_or("a mean of the measured poses is zero")?;
+    let good = (0..6).all(|c| all[c].rmsd <= BARS[c]);
+    let part = |of: Deviation| format!("{:.2} ({:.2})", of.rmsd, of.nrmsd.unwrap_or(f64::NAN));
+    let parts: Vec<String> = (0..6).map(|c| format!("{} {}", NAMES[c], part(all[c]))).collect();
     let text = format!("RMSD in degrees and mm (NRMSD): {}; sum {sum:.2}", parts.join(", "));
     if good && sum <= 3.0 { Ok(text) } else { Err(text) }
 }

@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use fem::geometry::{SearchSurface, SignedDistance, Surface, SurfaceError};
+use fem::geometry::{SearchSurface, SignedDistance, Surface};
 use fem::mesh::LengthUnit;
 use multibody::InputError;
 use multibody::error::Place;
@@ -30,6 +30,19 @@ pub(super) const SURFACES: [&str; 6] =
     [FEMUR, FEMORAL_CARTILAGE, PATELLA, PATELLAR_CARTILAGE, TIBIAL_CARTILAGE[0], TIBIAL_CARTILAGE[1]];
 /// How far \[m\] to both sides of a sheet it is asked where the bone is: a quarter of the thickness of cartilage.
 const ASIDE: f64 = 0.5e-3;
+/// Distance \[m\] of cartilage to its bone at most: the thickest there is, that of the patella, has some 7 mm, and the femur is of another person, 1.4 mm
+/// off in the mean.
+const OFF_BONE: f64 = 10e-3;
+/// The same of half of its points: twice what knees have in the mean.
+const MOSTLY_OFF_BONE: f64 = 5e-3;
+/// Distance \[m\] of the end of a spring to its bone at most; those of the knee that the surfaces are of are within 4 mm.
+const OFF_END: f64 = 10e-3;
+/// Of the tibia there is its cartilage only: the tuberosity, where the ligament of the patella ends, is some 50 mm below it.
+const BELOW_JOINT: f64 = 100e-3;
+/// Distance \[m\] between an end of a spring and where its file has it in the frame of the surfaces: numbers are written to a tenth of a micrometre.
+const SAME_PLACE: f64 = 1e-5;
+/// How far \[m\] from that of the surfaces the frame of a bone may be: farther is no leg.
+const FAR_FRAME: f64 = 10.0;
 /// File of frames and springs.
 const MODEL: &str = "knee_model.json";
 /// How far from a rotation the matrix of a frame may be: what ten digits leave.
@@ -140,14 +153,63 @@ impl KneeAnatomy {
         let mut body = |name: &str| wrong.keep(Surface::read_checked(&folder.join(name), LengthUnit::Metre));
         let [femur, patella] = [body(FEMUR), body(PATELLA)];
         let [femoral, patellar, medial, lateral] = sheets;
-        for (name, sheet, bone) in
-            [(FEMORAL_CARTILAGE, &femoral, &femur), (PATELLAR_CARTILAGE, &patellar, &patella)]
-        {
+        let pairs = [
+            (FEMORAL_CARTILAGE, &femoral, FEMUR, &femur),
+            (PATELLAR_CARTILAGE, &patellar, PATELLA, &patella),
+        ];
+        for (name, sheet, bone_name, bone) in pairs {
             let (Some(sheet), Some(bone)) = (sheet, bone) else { continue };
-            if wrong.keep(looks_away(sheet, bone)) == Some(false) {
-                let problem = "its triangles look into the bone".to_string();
-                let remedy = "turn all of them round: normals of cartilage look into the joint";
+            let bone = SearchSurface::new(bone.clone());
+            let Some(bone) = wrong.keep(SignedDistance::new(&bone)) else { continue };
+            let mut off: Vec<f64> = sheet.points.iter().map(|p| bone.at(&(*p).into()).distance).collect();
+            off.sort_by(f64::total_cmp);
+            let [least, half, most] = [off[0], off[off.len() / 2], off[off.len() - 1]];
+            if most.max(-least) > OFF_BONE || half.abs() > MOSTLY_OFF_BONE {
+                let problem = format!(
+                    "it is {:.1} to {:.1} mm off {bone_name}, half of it beyond {:.1} mm, and cartilage lies on its bone, at most {} mm off and mostly {}",
+                    1e3 * least,
+                    1e3 * most,
+                    1e3 * half,
+                    1e3 * OFF_BONE,
+                    1e3 * MOSTLY_OFF_BONE
+                );
+                let remedy = "give both surfaces of one knee, in one frame and in metres";
                 wrong.note(malformed(&folder.join(name), problem, remedy).into());
+            } else if !looks_away(sheet, &bone) {
+                wrong.note(turned_round(&folder.join(name)));
+            }
+        }
+        for (name, sheet) in TIBIAL_CARTILAGE.iter().zip([&medial, &lateral]) {
+            let (Some(sheet), Some((frames, _))) = (sheet, &model) else { continue };
+            let area: Vector3<f64> = (0..sheet.triangles.len()).map(|t| sheet.area_vector(t)).sum();
+            if area.dot(&(frames[&Bone::Tibia] * Vector3::y())) <= 0.0 {
+                wrong.note(turned_round(&folder.join(name)));
+            }
+        }
+        if let (Some((_, springs)), Some(femur), Some(patella), Some(medial), Some(lateral)) =
+            (&model, &femur, &patella, &medial, &lateral)
+        {
+            let joint = medial.clone().with(lateral);
+            let bones = [
+                (Bone::Femur, femur, OFF_END),
+                (Bone::Patella, patella, OFF_END),
+                (Bone::Tibia, &joint, BELOW_JOINT),
+            ];
+            let problems = bones.into_iter().flat_map(|(bone, surface, most)| {
+                let surface = SearchSurface::new(surface.clone());
+                let ends = springs.iter().flat_map(|s| s.ends.iter().map(move |end| (&s.name, end)));
+                let off = ends.filter(|(_, end)| end.0 == bone).filter_map(move |(name, end)| {
+                    let off = surface.nearest(&end.1.coords).map_or(f64::INFINITY, |at| at.0.distance);
+                    let of = if bone == Bone::Tibia { "cartilage of the tibia" } else { bone.body() };
+                    let told = format!("`{name}` ends {:.1} mm off {of}, at most {}", 1e3 * off, 1e3 * most);
+                    (!(off <= most)).then_some(told)
+                });
+                off.collect::<Vec<String>>()
+            });
+            let problems: Vec<String> = problems.collect();
+            if !problems.is_empty() {
+                let remedy = "give ends of springs on their bones, in the frame of each and in metres";
+                wrong.note(malformed(&file, problems.join("; "), remedy).into());
             }
         }
         wrong.finish()?;
@@ -187,15 +249,18 @@ impl KneeAnatomy {
 }
 
 /// Whether a sheet on a closed bone looks away from it: over all of it, more is gained than lost of the distance to the bone on both sides.
-fn looks_away(sheet: &Surface, bone: &Surface) -> Result<bool, SurfaceError> {
-    let bone = SearchSurface::new(bone.clone());
-    let bone = SignedDistance::new(&bone)?;
+fn looks_away(sheet: &Surface, bone: &SignedDistance) -> bool {
     let gained = (0..sheet.triangles.len()).map(|t| {
         let (middle, area) = (sheet.corners(t).iter().sum::<Vector3<f64>>() / 3.0, sheet.area_vector(t));
         let aside = ASIDE * area.normalize();
         area.norm() * (bone.at(&(middle + aside)).distance - bone.at(&(middle - aside)).distance)
     });
-    Ok(gained.sum::<f64>() > 0.0)
+    gained.sum::<f64>() > 0.0
+}
+
+fn turned_round(file: &Path) -> CouplingError {
+    let problem = "its triangles look into the bone".to_string();
+    malformed(file, problem, "turn all of them round: normals of cartilage look into the joint").into()
 }
 
 /// A surface somewhere else.
@@ -221,6 +286,8 @@ struct LigamentRow {
 struct PointRow {
     body: String,
     native: [f64; 3],
+    /// The same in the frame of the surfaces, where it is given.
+    limb: Option<[f64; 3]>,
 }
 
 fn malformed(file: &Path, problem: String, remedy: &str) -> InputError {
@@ -232,10 +299,12 @@ pub(super) type Frames = BTreeMap<Bone, Isometry3<f64>>;
 
 /// Frames and springs of a model.
 fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError> {
-    let model: ModelFile = serde_json::from_str(text).map_err(|e| {
-        let problem = format!("line {}: {e}", e.line());
-        malformed(file, problem, "it holds `body_to_limb` and `ligaments` as in the folder of the knee")
-    })?;
+    // Some editors begin a file with a mark of its encoding.
+    let model: ModelFile =
+        serde_json::from_str(text.strip_prefix('\u{feff}').unwrap_or(text)).map_err(|e| {
+            let problem = format!("line {}: {e}", e.line());
+            malformed(file, problem, "it holds `body_to_limb` and `ligaments` as in the folder of the knee")
+        })?;
     let mut problems = Vec::new();
     let mut frames = BTreeMap::new();
     for bone in Bone::ALL {
@@ -245,6 +314,14 @@ fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError
                 let R = Matrix3::from_fn(|r, c| rows[r][c]);
                 if !((R.transpose() * R - Matrix3::identity()).amax() < ROTATION && R.determinant() > 0.0) {
                     problems.push(format!("the matrix of `{}` is no rotation", bone.body()));
+                    continue;
+                }
+                let far = (0..3).map(|r| rows[r][3].abs()).fold(0.0, f64::max);
+                if !(far <= FAR_FRAME && rows[3] == [0.0, 0.0, 0.0, 1.0]) {
+                    problems.push(format!(
+                        "the matrix of `{}` is no motion within {FAR_FRAME} m with the last row 0 0 0 1",
+                        bone.body()
+                    ));
                     continue;
                 }
                 let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R));
@@ -266,6 +343,29 @@ fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError
         [a, b] => Some(Spring { name: row.name.clone(), ends: [end(a)?, end(b)?] }),
         _ => None,
     };
-    let springs = model.ligaments.iter().filter_map(spring).collect();
-    Ok((frames, springs))
+    let springs: Vec<Spring> = model.ligaments.iter().filter_map(spring).collect();
+    let mut problems = Vec::new();
+    for row in &model.ligaments {
+        let off = row.points.iter().filter_map(|p| Some((end(p)?.1 - Point3::from(p.limb?)).norm()));
+        let off = off.fold(0.0, f64::max);
+        if !(off <= SAME_PLACE) {
+            problems.push(format!(
+                "`{}` has a point whose `native` is {:.3} mm from its `limb` by the matrix of its body",
+                row.name,
+                1e3 * off
+            ));
+        }
+    }
+    let mut names: Vec<&str> = springs.iter().map(|s| s.name.as_str()).collect();
+    names.sort_unstable();
+    let mut twice: Vec<&str> = names.windows(2).filter(|w| w[0] == w[1]).map(|w| w[0]).collect();
+    twice.dedup();
+    problems.extend(twice.into_iter().map(|name| format!("two springs are called `{name}`")));
+    match problems.is_empty() {
+        true => Ok((frames, springs)),
+        false => {
+            let remedy = "give every spring once, with its points in the frames of the bodies that they name";
+            Err(malformed(file, problems.join("; "), remedy).into())
+        }
+    }
 }

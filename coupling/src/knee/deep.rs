@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use fem::geometry::{SearchSurface, SignedDistance};
+use fem::geometry::{DistanceField, SearchSurface, SignedDistance};
 use fem::scene::ContactMode;
 use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::anatomy::{Bone, KneeAnatomy, SURFACES};
+use super::femur;
 use super::flexion::FlexionFrame;
 use super::made::MadeKnee;
 use super::pose::{Coordinates, Measured, TibiaPath};
@@ -27,6 +28,8 @@ const STRIDE: f64 = 2.5;
 pub const DEEPEST: f64 = 137.5;
 /// Depth \[m\] to which cartilages of tibia and femur may overlap: both are 4.2 mm thick together, and bones may go a millimetre into each other.
 const DEPTH: f64 = 5.2e-3;
+/// Gap \[m\] between cartilage of the tibia and the femur at most, on either side: condyles that lift off by more are no knee.
+const GAP: f64 = 10e-3;
 
 /// Files of a knee.
 #[derive(Clone, Debug)]
@@ -156,10 +159,30 @@ impl DeepFlexion {
         self.files.as_ref().map_or("the way of the made knee".into(), |f| f.path.display().to_string())
     }
 
+    /// A knee that is put together from this scene, and what is to be said of its way from a flexion \[degrees\] on. All at once: what is wrong with
+    /// the way, with the knee, and with its poses.
+    pub fn checked(
+        &self,
+        first: f64,
+        build: &dyn Fn() -> Result<RigidKnee, CouplingError>,
+    ) -> Result<(RigidKnee, Option<String>), CouplingError> {
+        let mut wrong = Mistakes::default();
+        let short = wrong.keep(self.short_of(first));
+        let femur = wrong.keep(femur::field(&self.anatomy).map_err(CouplingError::from));
+        if let Some(femur) = femur {
+            wrong.keep(self.check_poses(&femur));
+        }
+        let knee = wrong.keep(build());
+        wrong.finish()?;
+        let sound = "nothing was wrong with it";
+        Ok((knee.expect(sound), short.expect(sound)))
+    }
+
     /// How far the table of poses falls short of a way from a flexion \[degrees\] on, in words; refuses one that has nothing of it.
     pub fn short_of(&self, first: f64) -> Result<Option<String>, CouplingError> {
         let ([from, to], file) = (self.path.range(), self.path_told());
-        if self.poses(first).is_empty() {
+        // One pose is no way.
+        if self.poses(first).len() < 2 {
             return Err(CouplingError::Option(format!(
                 "{file}: poses from {from} to {to} degrees of flexion have nothing of the way from {first} to {DEEPEST}; give poses there"
             )));
@@ -172,9 +195,9 @@ impl DeepFlexion {
         }))
     }
 
-    /// Refuses poses that drive the bones of tibia and femur into each other by more than a millimetre, all at once: rows of both tables, and the
-    /// poses between rows that the way goes through.
-    pub fn check_poses(&self, knee: &RigidKnee) -> Result<(), CouplingError> {
+    /// Refuses poses that drive the bones of tibia and femur into each other by more than a millimetre or pull them apart, all at once: rows of both
+    /// tables, and the poses between rows that the way goes through. `field`: the distance to the femur around its knee.
+    pub fn check_poses(&self, field: &DistanceField) -> Result<(), CouplingError> {
         let own = self.anatomy.frame(Bone::Tibia).inverse();
         let points =
             self.anatomy.tibial_cartilage.each_ref().map(|sheet| {
@@ -184,10 +207,7 @@ impl DeepFlexion {
         let femur = SearchSurface::new(femur);
         // Around the knee there is a smooth distance to cartilage and bone, elsewhere that to the bone.
         let bone = SignedDistance::new(&femur)?;
-        let depth = |p: &Vector3<f64>| match knee.femur.knows(p) {
-            true => knee.femur.near(p, 0.0).map_or(0.0, |at| -at.distance),
-            false => -bone.at(p).distance,
-        };
+        let depth = |p: &Vector3<f64>| field.at(p).map_or_else(|| -bone.at(p).distance, |at| -at.distance);
         let path = self.path.rows().iter().zip(self.path.lines());
         let rows = path.map(|(pose, line)| (format!("line {line} ({} degrees)", pose.flexion), *pose));
         let between = self.poses(0.0).into_iter().filter(|pose| !self.path.rows().contains(pose));
@@ -199,16 +219,14 @@ impl DeepFlexion {
             let deep = poses.par_iter().flat_map_iter(|(place, pose)| {
                 let pose = pose.pose();
                 let deepest = |points: &[Point3<f64>]| {
-                    points.iter().map(|p| depth(&(pose * p).coords)).fold(0.0, f64::max)
+                    points.iter().map(|p| depth(&(pose * p).coords)).fold(f64::NEG_INFINITY, f64::max)
                 };
                 let sides = ["medial", "lateral"].into_iter().zip(points.each_ref().map(|p| deepest(p)));
-                let deep = sides.filter(|(_, by)| *by > DEPTH).map(move |(side, by)| {
-                    format!(
-                        "{place}: {side} cartilage of the tibia overlaps with the femur by {:.1} mm",
-                        1e3 * by
-                    )
+                let apart = sides.filter(|(_, by)| *by > DEPTH || *by < -GAP).map(move |(side, by)| {
+                    let how = if by > 0.0 { "overlaps with the femur by" } else { "is off the femur by" };
+                    format!("{place}: {side} cartilage of the tibia {how} {:.1} mm", 1e3 * by.abs())
                 });
-                deep.collect::<Vec<String>>()
+                apart.collect::<Vec<String>>()
             });
             deep.collect::<Vec<String>>()
         };
@@ -220,9 +238,10 @@ impl DeepFlexion {
         ] {
             if !problems.is_empty() {
                 wrong.note(CouplingError::Option(format!(
-                    "{file}: {}; give poses in which they overlap by at most {} mm, both cartilages and one more",
+                    "{file}: {}; give poses in which they overlap by at most {} mm, both cartilages and one more, and are at most {} mm apart",
                     problems.join("; "),
-                    1e3 * DEPTH
+                    1e3 * DEPTH,
+                    1e3 * GAP
                 )));
             }
         }
@@ -230,15 +249,28 @@ impl DeepFlexion {
     }
 }
 
-/// How far computed poses of the patella are off measured ones, per coordinate: root mean square \[degrees, mm\], and over the mean of the
-/// measured values.
-pub fn deviations(frames: &[FlexionFrame], measured: &Measured) -> [[f64; 2]; 6] {
+/// How far a computed coordinate of the patella is off the measured one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// Root mean square \[degrees, mm\].
+    pub rmsd: f64,
+    /// The same over the mean of the measured values; none where that is zero.
+    pub nrmsd: Option<f64>,
+}
+
+/// How far computed poses of the patella are off measured ones, per coordinate.
+pub fn deviations(frames: &[FlexionFrame], measured: &Measured) -> [Deviation; 6] {
     let measured = &measured.rows;
     let n = measured.len() as f64;
     std::array::from_fn(|c| {
         let off = frames.iter().zip(measured).map(|(f, row)| f.patella.to_array()[c] - row[1].to_array()[c]);
         let rmsd = (off.map(|d| d * d).sum::<f64>() / n).sqrt();
         let mean = measured.iter().map(|row| row[1].to_array()[c]).sum::<f64>() / n;
-        [rmsd, rmsd / mean.abs()]
+        Deviation { rmsd, nrmsd: (mean != 0.0).then(|| rmsd / mean.abs()) }
     })
+}
+
+/// Sum over all coordinates of the deviation over the mean; none where one has none.
+pub fn nrmsd_sum(all: &[Deviation; 6]) -> Option<f64> {
+    all.iter().map(|of| of.nrmsd).sum()
 }

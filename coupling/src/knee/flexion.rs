@@ -1,6 +1,6 @@
 //! A knee bent from pose to pose of its tibia: the patella in equilibrium at each.
 
-use fem::body::Wrench;
+use fem::body::{Pose, Wrench};
 use fem::effect::obstacle::Pressed;
 use fem::measure::free_bodies;
 use fem::run::{Drive, DriveFrame, Frame, Run, Session};
@@ -8,8 +8,8 @@ use fem::solve::{Settings, SolveError};
 use nalgebra::Point3;
 
 use super::muscles::{MUSCLES, MuscleState};
-use super::pose::Coordinates;
-use super::rigid::{OUT, RigidKnee, StrandState};
+use super::pose::{Coordinates, LONGEST_SHIFT, LONGEST_TURN};
+use super::rigid::{RigidKnee, StrandState, out_of_groove};
 
 /// Flexion from step to step on the way to the first pose \[degrees\].
 const APPROACH: f64 = 2.5;
@@ -73,9 +73,25 @@ impl FlexionFrame {
 
     /// Turn \[degrees\] and shift \[mm\] of the patella since another frame.
     pub fn step_from(&self, other: &FlexionFrame) -> [f64; 2] {
-        let [a, b] = [self, other].map(|f| f.patella.pose());
-        let shift = a.translation.vector - b.translation.vector;
-        [a.rotation.angle_to(&b.rotation).to_degrees(), 1e3 * shift.norm()]
+        self.patella.step_from(&other.patella)
+    }
+
+    /// Why this is no patella in its groove; `before`: where it was a frame ago.
+    fn dislocated(&self, before: &Coordinates, quadriceps: f64, is_beside: bool) -> Option<String> {
+        let jump = || {
+            let [turn, shift] = self.patella.step_from(before);
+            (turn > LONGEST_TURN || shift > LONGEST_SHIFT).then(|| {
+                format!(
+                    "it jumps by {turn:.1} degrees and {shift:.1} mm from the frame before, at most {LONGEST_TURN} and {LONGEST_SHIFT}"
+                )
+            })
+        };
+        let lost = || {
+            (quadriceps > 0.0 && self.contact.area == 0.0)
+                .then(|| "nothing of its cartilage presses on the femur".to_string())
+        };
+        let away = || (!is_beside).then(|| "it is not beside the knee of the femur".to_string());
+        out_of_groove(&self.patella).or_else(away).or_else(jump).or_else(lost)
     }
 }
 
@@ -84,8 +100,8 @@ impl FlexionFrame {
 pub enum Stopped {
     /// There is no equilibrium that the solver finds; the patella where it last was in equilibrium, with the tibia at the pose that was asked for.
     NoEquilibrium(SolveError, Option<Box<FlexionFrame>>),
-    /// The patella has left its groove, or the knee.
-    Dislocated(Box<FlexionFrame>),
+    /// The patella has left its groove, or the knee, or jumped: in what way.
+    Dislocated(String, Box<FlexionFrame>),
     /// A strand, by its number, finds no way over the femur.
     NoWay(usize, Box<FlexionFrame>),
 }
@@ -100,11 +116,18 @@ impl Stopped {
             };
             let strands: Vec<String> = knee.strands.iter().zip(&f.strands).map(strand).collect();
             let three = |v: [f64; 3], scale: f64| v.map(|v| format!("{:.3}", scale * v)).join(", ");
+            let is_known = f.residual.force.iter().chain(&f.residual.moment).all(|v| v.is_finite());
+            let left = match is_known {
+                true => format!(
+                    "left on the patella ({}) N and, about its origin, ({}) N mm",
+                    three(f.residual.force, 1.0),
+                    three(f.residual.moment, 1e3)
+                ),
+                false => "what is left on the patella is not known".to_string(),
+            };
             format!(
-                "flexion {:.1} degrees, left on the patella ({}) N and, about its origin, ({}) N mm, contact {:.0} N over {:.0} mm2; strands: {}",
+                "flexion {:.1} degrees, {left}, contact {:.0} N over {:.0} mm2; strands: {}",
                 f.tibia.flexion,
-                three(f.residual.force, 1.0),
-                three(f.residual.moment, 1e3),
                 f.contact.force.norm(),
                 1e6 * f.contact.area,
                 strands.join(", ")
@@ -121,8 +144,8 @@ impl Stopped {
             Stopped::NoWay(strand, f) => {
                 format!("`{}` finds no way over the femur: {}", knee.strands[*strand], state(f))
             }
-            Stopped::Dislocated(f) => format!(
-                "the patella has left its groove, {:.1} mm forward, {:.1} mm up and {:.1} mm to lateral of the middle of the femur: {}",
+            Stopped::Dislocated(why, f) => format!(
+                "the patella has left its groove: {why}; {:.1} mm forward, {:.1} mm up and {:.1} mm to lateral of the middle of the femur: {}",
                 f.patella.place[0],
                 f.patella.place[1],
                 f.patella.place[2],
@@ -217,6 +240,7 @@ fn course(
     let way = poses.first().map_or(Vec::new(), |first| knee.reference.towards(first, APPROACH));
     let doubled = if quadriceps > 0.0 { DOUBLED } else { 0 };
     let parts = (1..=doubled).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
+    let mut before = knee.coordinates(&Pose::identity());
     for (tibia, part) in &parts.chain(way.into_iter().map(|tibia| (tibia, 1.0))).collect::<Vec<_>>() {
         let load = match load(tibia, part * quadriceps, 0) {
             Ok(load) => load,
@@ -224,14 +248,20 @@ fn course(
         };
         let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
         run.iterations.append(&mut advanced.iterations);
-        // Strings that are measured go along, because they remember their way.
-        knee.ways(advanced.frame.snapshot().x);
         if !advanced.errors.is_empty() {
             let frame = FlexionFrame::failed(knee, tibia, &advanced.frame);
             let stopped = Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame)));
             run.unsolved = Some(advanced.frame);
             return (frames, drive, run, Some(stopped));
         }
+        // Strings that are measured go along, because they remember their way.
+        let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
+        let is_beside = knee.is_beside_femur(advanced.frame.snapshot().x);
+        if let Some(why) = frame.dislocated(&before, part * quadriceps, is_beside) {
+            run.unsolved = Some(advanced.frame);
+            return (frames, drive, run, Some(Stopped::Dislocated(why, Box::new(frame))));
+        }
+        before = frame.patella;
     }
     for tibia in poses {
         let load = match load(tibia, quadriceps, frames.len()) {
@@ -254,10 +284,12 @@ fn course(
             return (frames, drive, run, Some(Stopped::NoWay(lost, Box::new(frame))));
         }
         let is_beside = knee.is_beside_femur(advanced.frame.snapshot().x);
-        run.frames.push(advanced.frame);
-        if frame.patella.place[2].abs() > OUT || !is_beside {
-            return (frames, drive, run, Some(Stopped::Dislocated(Box::new(frame))));
+        if let Some(why) = frame.dislocated(&before, quadriceps, is_beside) {
+            run.unsolved = Some(advanced.frame);
+            return (frames, drive, run, Some(Stopped::Dislocated(why, Box::new(frame))));
         }
+        before = frame.patella;
+        run.frames.push(advanced.frame);
         tell(&frame);
         frames.push(frame);
     }

@@ -11,7 +11,9 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 use crate::error::CouplingError;
 
 /// Turn between neighbouring rows \[degrees\] beyond which a table is refused.
-const LONGEST_TURN: f64 = 20.0;
+pub(super) const LONGEST_TURN: f64 = 20.0;
+/// The same of a shift \[mm\]: so far the origin of the patella goes, 60 mm from the middle of the femur, while the knee turns by as much.
+pub(super) const LONGEST_SHIFT: f64 = 20.0;
 
 /// A bone against the femur: R = Rz(−flexion) Rx(`turn_x`) Ry(`turn_y`), then the place of its origin, x forward, y up, z lateral.
 ///
@@ -47,6 +49,13 @@ impl Coordinates {
             * about(Vector3::x_axis(), self.turn_x)
             * about(Vector3::y_axis(), self.turn_y);
         Isometry3::from_parts(Translation3::from(1e-3 * Vector3::from(self.place)), rotation)
+    }
+
+    /// Turn \[degrees\] and shift \[mm\] since another pose.
+    pub fn step_from(&self, other: &Coordinates) -> [f64; 2] {
+        let [a, b] = [self, other].map(|c| c.pose());
+        let shift = a.translation.vector - b.translation.vector;
+        [a.rotation.angle_to(&b.rotation).to_degrees(), 1e3 * shift.norm()]
     }
 
     /// This pose and those between it and another, at most `stride` degrees of flexion apart, without that one.
@@ -90,9 +99,7 @@ const COLUMNS: [&str; 6] = [
 impl TibiaPath {
     /// Reads a table of poses (CSV); all mistakes at once. Other columns are left alone.
     pub fn read(file: &Path) -> Result<TibiaPath, CouplingError> {
-        let text =
-            std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
-        TibiaPath::parse(&text, file)
+        TibiaPath::parse(&text_of(file)?, file)
     }
 
     /// The same of its text.
@@ -118,7 +125,7 @@ impl TibiaPath {
                 ));
             }
         }
-        problems.extend(turns("tibia", &rows));
+        problems.extend(jumps("tibia", &rows));
         if rows.is_empty() {
             problems.push("no rows".to_string());
         }
@@ -221,11 +228,10 @@ const FEW_FRAMES: f64 = 2.0;
 impl Measured {
     /// Reads a table (CSV); all mistakes at once. Other columns are left alone.
     pub fn read(file: &Path) -> Result<Measured, CouplingError> {
-        let text =
-            std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
+        let text = text_of(file)?;
         let groups = columns(&text, file, [COLUMNS, PATELLA])?;
-        let mut problems = turns("tibia", &groups[0]);
-        problems.extend(turns("patella", &groups[1]));
+        let mut problems = jumps("tibia", &groups[0]);
+        problems.extend(jumps("patella", &groups[1]));
         let frames = counted(&text, &mut problems);
         if groups[0].is_empty() {
             problems.push("no rows".to_string());
@@ -253,26 +259,41 @@ fn counted(text: &str, problems: &mut Vec<String>) -> Vec<f64> {
     let Some(at) = at else { return Vec::new() };
     let mut number = |row: csv::StringRecord| {
         let cell = row.get(at).unwrap_or("").trim();
-        cell.parse().unwrap_or_else(|_| {
+        let count = cell.parse::<f64>().ok().filter(|n| n.is_finite() && *n >= 0.0);
+        count.unwrap_or_else(|| {
             let line = row.position().map_or(0, |p| p.line());
-            problems.push(format!("line {line}: {FRAMES} is `{cell}`, must be a number"));
+            problems.push(format!("line {line}: {FRAMES} is `{cell}`, must be a number from 0 on"));
             0.0
         })
     };
     reader.records().flatten().map(&mut number).collect()
 }
 
-/// Turns of more than 20 degrees between neighbouring rows, in words.
-fn turns(bone: &str, rows: &[(usize, Coordinates)]) -> Vec<String> {
-    let turned = rows.windows(2).filter_map(|pair| {
+/// Jumps between neighbouring rows, in words.
+fn jumps(bone: &str, rows: &[(usize, Coordinates)]) -> Vec<String> {
+    let jumped = rows.windows(2).flat_map(|pair| {
         let [(_, a), (line, b)] = [pair[0], pair[1]];
-        let turn = a.pose().rotation.angle_to(&b.pose().rotation).to_degrees();
-        let told = format!(
-            "line {line}: the {bone} turns by {turn:.1} degrees from the row before, must be at most {LONGEST_TURN}"
-        );
-        (turn > LONGEST_TURN).then_some(told)
+        let [turn, shift] = b.step_from(&a);
+        let turned = (turn > LONGEST_TURN).then(|| {
+            format!(
+                "line {line}: the {bone} turns by {turn:.1} degrees from the row before, must be at most {LONGEST_TURN}"
+            )
+        });
+        let shifted = (shift > LONGEST_SHIFT).then(|| {
+            format!(
+                "line {line}: the {bone} moves by {shift:.1} mm from the row before, must be at most {LONGEST_SHIFT}"
+            )
+        });
+        turned.into_iter().chain(shifted)
     });
-    turned.collect()
+    jumped.collect()
+}
+
+/// The text of a table, its lines as those of other systems: after a return the reader counts the next row as of the line before.
+fn text_of(file: &Path) -> Result<String, InputError> {
+    let text =
+        std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
+    Ok(text.replace("\r\n", "\n"))
 }
 
 /// Reads a table in which a cell that is missing is told like one that is empty.
@@ -290,15 +311,19 @@ pub(super) fn columns<const N: usize>(
     let header = reader.headers().map_err(|e| malformed(file, vec![e.to_string()], "give a header"))?.clone();
     let mut problems = Vec::new();
     let mut place = |name: &str| {
-        let at = header.iter().position(|h| h.trim() == name);
+        let mut all = header.iter().enumerate().filter(|(_, h)| h.trim() == name).map(|(at, _)| at);
+        let at = all.next();
         if at.is_none() {
             problems.push(format!("column `{name}` is missing"));
+        }
+        if all.next().is_some() {
+            problems.push(format!("column `{name}` is there twice"));
         }
         at.unwrap_or(0)
     };
     let places = groups.map(|group| group.map(&mut place));
     if !problems.is_empty() {
-        return Err(malformed(file, problems, "give all columns of the table"));
+        return Err(malformed(file, problems, "give all columns of the table, each once"));
     }
     let mut out = vec![Vec::new(); N];
     for row in reader.records() {
@@ -326,10 +351,33 @@ pub(super) fn columns<const N: usize>(
             list.push((line, Coordinates::from_array(values)));
         }
     }
-    if problems.is_empty() {
-        return Ok(out);
+    if !problems.is_empty() {
+        return Err(malformed(file, problems, "mend these cells"));
     }
-    Err(malformed(file, problems, "mend these cells"))
+    let problems = other_units(&out);
+    match problems.is_empty() {
+        true => Ok(out),
+        false => Err(malformed(file, problems, "give degrees and millimetres")),
+    }
+}
+
+/// What can be no degrees or millimetres, in words: a way of several rows on which nothing turns by more than half a circle in radians, or nothing
+/// moves by a tenth of a millimetre, though it moves.
+fn other_units(groups: &[Vec<(usize, Coordinates)>]) -> Vec<String> {
+    let all = || groups.iter().flatten().map(|row| row.1.to_array());
+    let most = |of: fn(&[f64; 6]) -> &[f64]| {
+        all().flat_map(|row| of(&row).to_vec()).fold(0.0, |most: f64, v| most.max(v.abs()))
+    };
+    let is_way = groups.iter().any(|rows| rows.len() > 1);
+    let [turn, shift] = [most(|row| &row[..3]), most(|row| &row[3..])];
+    let mut problems = Vec::new();
+    if is_way && turn > 0.0 && turn <= std::f64::consts::PI {
+        problems.push(format!("no angle is above {turn}, as if they were radians"));
+    }
+    if is_way && shift > 0.0 && shift < 0.1 {
+        problems.push(format!("no place is beyond {shift}, as if they were metres"));
+    }
+    problems
 }
 
 fn malformed(file: &Path, problems: Vec<String>, remedy: &str) -> CouplingError {

@@ -42,10 +42,13 @@ const THICKNESS: f64 = 4.2e-3;
 const DISTANCE: f64 = 0.3e-3;
 /// The patella goes forward in steps of this \[m\] until its cartilage is off that of the femur.
 const STRIDE: f64 = 0.25e-3;
-/// It is in no groove where that takes more \[m\].
-const FARTHEST: f64 = 10e-3;
+/// It is in no groove where that takes more \[m\], nor that far in front of it: as deep as tibia and femur may overlap, which is both layers of
+/// cartilage and a millimetre.
+const FARTHEST: f64 = 5.2e-3;
+/// Angle \[degrees\] of its lateral axis to that of the femur beyond which it is turned over: it points more to somewhere else.
+const TURNED_OVER: f64 = 45.0;
 /// Shift to either side \[mm\] beyond which the patella is out of its groove: half its width.
-pub(super) const OUT: f64 = 21.5;
+const OUT: f64 = 21.5;
 /// Heights \[m\] above the origin of the femur between which it is shaft.
 const SHAFT: [f64; 2] = [0.1, 0.3];
 
@@ -54,8 +57,10 @@ struct Structure {
     name: &'static str,
     /// Per strand the springs of the model whose ends at the patella it takes, from lateral to medial (ligament) or from above (retinacula).
     springs: &'static [&'static [&'static str]],
-    /// Springs whose ends at the femur it takes; none: the other ends of those at the patella.
+    /// Springs whose ends at the other bone it takes; none: the other ends of those at the patella.
     far: &'static [&'static str],
+    /// The other bone.
+    bone: Bone,
     /// Of all its strands together \[N/m\].
     stiffness: f64,
     /// In the reference pose of the knee.
@@ -71,6 +76,7 @@ const STRUCTURES: [Structure; 5] = [
         name: "patellar_ligament_lateral",
         springs: &[&["PT1"], &["PT5"]],
         far: &[],
+        bone: Bone::Tibia,
         stiffness: 173e3,
         strain: 0.02,
     },
@@ -78,6 +84,7 @@ const STRUCTURES: [Structure; 5] = [
         name: "patellar_ligament_central",
         springs: &[&["PT3"], &["PT3", "PT4"], &["PT4"]],
         far: &[],
+        bone: Bone::Tibia,
         stiffness: 278e3,
         strain: 0.02,
     },
@@ -85,6 +92,7 @@ const STRUCTURES: [Structure; 5] = [
         name: "patellar_ligament_medial",
         springs: &[&["PT6"], &["PT2"]],
         far: &[],
+        bone: Bone::Tibia,
         stiffness: 201e3,
         strain: 0.02,
     },
@@ -92,6 +100,7 @@ const STRUCTURES: [Structure; 5] = [
         name: "retinaculum_lateral",
         springs: &[&["lPFL1", "lPFL7", "lPFL5"], &["lPFL4", "lPFL3"], &["lPFL8", "lPFL6", "lPFL2"]],
         far: &["LCL1", "LCL2", "LCL3", "LCL4"],
+        bone: Bone::Femur,
         stiffness: 97e3,
         strain: 0.01,
     },
@@ -99,6 +108,7 @@ const STRUCTURES: [Structure; 5] = [
         name: "retinaculum_medial",
         springs: &[&["mPFL1", "mPFL5", "mPFL4"], &["mPFL3", "mPFL6", "mPFL2"]],
         far: &[],
+        bone: Bone::Femur,
         stiffness: 31e3,
         strain: 0.01,
     },
@@ -545,13 +555,30 @@ fn samples(mesh: &Mesh, frame: [u32; 4], surface: &Surface, layer: Layer) -> Vec
     surface.points.iter().zip(areas).map(sample).collect()
 }
 
-/// How far forward the patella has to go from its reference pose so that nothing touches \[m\]; why it is in no groove there.
-fn lifted(femur: &DistanceField, patellar: &Surface, reference: &Coordinates) -> Result<f64, String> {
-    let aside = reference.place[2];
+/// Why a patella at a place against the femur is in no groove, by its place and its axes alone: too far aside, turned over, or with its back, where its
+/// cartilage is, turned away from the middle of the femur.
+pub(super) fn out_of_groove(patella: &Coordinates) -> Option<String> {
+    let aside = patella.place[2];
     if aside.abs() > OUT {
-        return Err(format!(
+        return Some(format!(
             "it is {aside:.1} mm to lateral of the middle of the femur, at most {OUT} either way"
         ));
+    }
+    let pose = patella.pose();
+    let turned = (pose * Vector3::z()).angle(&Vector3::z()).to_degrees();
+    if turned > TURNED_OVER {
+        return Some(format!(
+            "its lateral axis is {turned:.1} degrees off that of the femur, at most {TURNED_OVER}"
+        ));
+    }
+    let looks_at_femur = (pose * Vector3::x()).dot(&pose.translation.vector) > 0.0;
+    (!looks_at_femur).then(|| "its cartilage looks away from the femur".to_string())
+}
+
+/// How far forward the patella has to go from its reference pose so that nothing touches \[m\]; why it is in no groove there.
+fn lifted(femur: &DistanceField, patellar: &Surface, reference: &Coordinates) -> Result<f64, String> {
+    if let Some(why) = out_of_groove(reference) {
+        return Err(why);
     }
     let gaps = patellar.points.iter().filter_map(|p| Some(femur.at(&Vector3::from(*p))?.distance));
     let gap = gaps.fold(f64::INFINITY, f64::min);
@@ -570,14 +597,6 @@ fn lifted(femur: &DistanceField, patellar: &Surface, reference: &Coordinates) ->
     far_enough.ok_or_else(|| format!("{} mm in front of it, it still touches the femur", 1e3 * FARTHEST))
 }
 
-/// Whether a spring that a structure takes its far ends from has that one on this bone.
-fn is_far_end(structure: &Structure, bone: Bone) -> bool {
-    match structure.far {
-        [] => bone != Bone::Patella,
-        _ => bone == Bone::Femur,
-    }
-}
-
 /// Springs that structures take ends of and that are not there, or not on the bones.
 fn missing_springs(anatomy: &KneeAnatomy) -> Vec<&'static str> {
     let has = |name: &str, of: &dyn Fn(Bone) -> bool| {
@@ -586,7 +605,7 @@ fn missing_springs(anatomy: &KneeAnatomy) -> Vec<&'static str> {
     let mut missing = Vec::new();
     for structure in &STRUCTURES {
         let near = structure.springs.iter().copied().flatten();
-        let is_far = |bone| is_far_end(structure, bone);
+        let is_far = |bone| bone == structure.bone;
         missing.extend(near.clone().filter(|name| !has(name, &|bone| bone == Bone::Patella)));
         match structure.far {
             [] => missing.extend(near.filter(|name| !has(name, &is_far))),
@@ -607,7 +626,7 @@ fn ends(anatomy: &KneeAnatomy, structure: &Structure, near: &[&str]) -> [(Bone, 
         (ends[0].0, Point3::from(sum / ends.len() as f64))
     };
     let far = if structure.far.is_empty() { near } else { structure.far };
-    [mean(far, &|bone| is_far_end(structure, bone)), mean(near, &|bone| bone == Bone::Patella)]
+    [mean(far, &|bone| bone == structure.bone), mean(near, &|bone| bone == Bone::Patella)]
 }
 
 /// Cartilage as an elastic foundation: pressure over depth is (1 − ν) E / ((1 + ν) (1 − 2 ν) h).

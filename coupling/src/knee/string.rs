@@ -30,6 +30,10 @@ const SETTLED: f64 = 1e-13;
 const NEAR: f64 = 1e-8;
 /// Least part of a step that is tried.
 const LEAST: f64 = 1e-6;
+/// Distance \[m\] between ends of ways that are remembered: what the patella does between two of them, a way follows.
+const APART: f64 = 1e-3;
+/// Ways that are remembered: the patella goes 0.1 m from end to end, and back once.
+const KNOWN: usize = 256;
 
 /// What pulls in a string.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,8 +187,34 @@ fn solve(stiffness: &[Matrix3<f64>; FREE], g: &[Vector3<f64>; FREE]) -> Option<[
 pub struct Strings {
     groups: Groups,
     strings: Vec<(TautString, Pull)>,
-    /// The way that each went last: where its next one is looked for.
-    last: Vec<Mutex<Way>>,
+    /// Ways that each went.
+    known: Vec<Mutex<KnownWays>>,
+}
+
+/// Ways that a string went, each the last one to end within [`APART`] of where it does. The next one is looked for from the nearest: what a trial far
+/// off has found does not lead astray whoever comes back from there.
+struct KnownWays(Vec<Way>);
+
+impl KnownWays {
+    /// The one that ends nearest to a place \[m\].
+    fn nearest(&self, to: &Point3<f64>) -> usize {
+        let off = |way: &Way| (way.places[SEGMENTS] - to).norm_squared();
+        let all = self.0.iter().enumerate();
+        all.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).expect("the first one is kept").0
+    }
+
+    /// Keeps one that was found from the one at `nearest`; the oldest one makes room.
+    fn keep(&mut self, way: &Way, nearest: usize) {
+        let near = &mut self.0[nearest];
+        if (near.places[SEGMENTS] - way.places[SEGMENTS]).norm() < APART {
+            *near = way.clone();
+            return;
+        }
+        if self.0.len() == KNOWN {
+            self.0.remove(0);
+        }
+        self.0.push(way.clone());
+    }
 }
 
 impl Strings {
@@ -192,21 +222,24 @@ impl Strings {
     pub fn new(name: &str, nodes: &[[u32; 1]], strings: Vec<(TautString, Pull)>, ways: Vec<Way>) -> Strings {
         // Pulls from outside: it is on no side of a cut.
         let groups = Groups::new(name, EffectKind::Load, nodes, vec![[f64::NAN; 3]; nodes.len()]);
-        Strings { groups, strings, last: ways.into_iter().map(Mutex::new).collect() }
+        let known = ways.into_iter().map(|way| Mutex::new(KnownWays(vec![way]))).collect();
+        Strings { groups, strings, known }
     }
 
     /// The way of a string with the nodes at `x` \[m\], 3 per node.
     pub fn way(&self, e: usize, x: &[f64]) -> Way {
         let [node] = *self.groups.nodes::<1>(e);
         let to = Point3::from(Vector3::from_column_slice(&x[3 * node as usize..][..3]));
-        let mut last = self.last[e].lock().expect("no thread panics while it holds a way");
-        if last.places[SEGMENTS] == to {
-            return last.clone();
+        let mut known = self.known[e].lock().expect("no thread panics while it holds a way");
+        let nearest = known.nearest(&to);
+        let before = &known.0[nearest];
+        if before.places[SEGMENTS] == to {
+            return before.clone();
         }
-        let way = self.strings[e].0.way(&to, Some(&last));
-        // Where none settles the next trial starts from the last that did.
+        let way = self.strings[e].0.way(&to, Some(before));
+        // Where none settles the next trial starts from one that did.
         if way.length.is_finite() {
-            *last = way.clone();
+            known.keep(&way, nearest);
         }
         way
     }

@@ -112,9 +112,7 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
         Pull::Forces(forces, _) => forces,
         Pull::Tissue(_) => [0.0; 2],
     };
-    let short = scene.short_of(meant.first)?;
-    let knee = build()?;
-    scene.check_poses(&knee)?;
+    let (knee, short) = scene.checked(meant.first, &build)?;
     let claim = arguments.out.claim("step", name)?;
     let folder = OutputFolder::begin(claim, false)?;
     let path = folder.path().to_path_buf();
@@ -138,9 +136,13 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     };
     progress.lap("measured");
     let crossings = scene.crossings(&deep.patellas());
-    record.notes = short.into_iter().chain(notes(meant, &deep, &crossings)).collect();
+    let along_measured = |told: String| format!("along the measured poses: {told}");
+    let stretched = unloaded.as_ref().map_or(Vec::new(), stretched);
+    let measured = stretched.into_iter().map(along_measured);
+    record.notes = short.into_iter().chain(notes(meant, &deep, &crossings)).chain(measured).collect();
     progress.pause(|| tell(&record.notes));
-    record.reason = std::iter::once(&deep).chain(&unloaded).find_map(Bent::stopped_told);
+    let along = || unloaded.as_ref().and_then(Bent::stopped_told).map(along_measured);
+    record.reason = deep.stopped_told().or_else(along);
     if record.reason.is_some() {
         record.status = RunStatus::NotConverged;
     }
@@ -179,6 +181,17 @@ pub fn run(meant: &Knee, arguments: &RunArguments, quiet: bool) -> Result<Outcom
     Ok(if record.reason.is_none() { Outcome::Solved } else { Outcome::NotSolved })
 }
 
+/// Strands that are stretched beyond what ligaments bear, in words.
+fn stretched(bent: &Bent) -> Vec<String> {
+    let told = |(name, strain, flexion): (&str, f64, f64)| {
+        format!(
+            "strand {name} is stretched by {:.0} % at {flexion:.1} degrees; no ligament bears that",
+            100.0 * strain
+        )
+    };
+    bent.stretched().into_iter().map(told).collect()
+}
+
 /// What a person should know of the knee.
 fn notes(meant: &Knee, deep: &Bent, crossings: &[usize]) -> Vec<String> {
     // Of the plan only what hangs on data: cubes that hold two pieces of a muscle.
@@ -186,12 +199,6 @@ fn notes(meant: &Knee, deep: &Bent, crossings: &[usize]) -> Vec<String> {
     let is_cheap = matches!(meant.quadriceps, Pull::Forces(_, ContactMode::Cheap));
     let through = deep.frames.iter().zip(crossings).filter(|(_, n)| **n > 0 && !is_cheap).map(|(f, n)| {
         format!("at {:.1} degrees {n} pairs of triangles of the cartilages intersect", f.tibia.flexion)
-    });
-    let stretched = deep.stretched().into_iter().map(|(name, strain, flexion)| {
-        format!(
-            "strand {name} is stretched by {:.0} % at {flexion:.1} degrees; no ligament bears that",
-            100.0 * strain
-        )
     });
     let crossed = deep.frames.iter().filter_map(|f| {
         let [heads, femur] = f.muscles?.crossings;
@@ -207,5 +214,11 @@ fn notes(meant: &Knee, deep: &Bent, crossings: &[usize]) -> Vec<String> {
             name.replace('_', " ")
         )
     });
-    divided.map(ToString::to_string).chain(stretched).chain(drawn_out).chain(crossed).chain(through).collect()
+    divided
+        .map(ToString::to_string)
+        .chain(stretched(deep))
+        .chain(drawn_out)
+        .chain(crossed)
+        .chain(through)
+        .collect()
 }

@@ -10,7 +10,7 @@ use super::OutputError;
 use super::atomic::OutputFolder;
 use super::claim::KNEE_FRAMES;
 use super::run::{RunRecord, Size};
-use coupling::knee::deep::DeepFlexion;
+use coupling::knee::deep::{DeepFlexion, Deviation, nrmsd_sum};
 use coupling::knee::flexion::Bent;
 use coupling::knee::frames::write_frames;
 use coupling::knee::pose::{Coordinates, PATELLA};
@@ -31,7 +31,7 @@ pub struct Results<'a> {
     /// Along the measured poses, where there are some.
     pub unloaded: Option<&'a Bent>,
     /// Per coordinate RMSD against the measured poses \[degrees, mm\], and over the mean of the measured values.
-    pub against: Option<[[f64; 2]; 6]>,
+    pub against: Option<[Deviation; 6]>,
     /// Forces of the quadriceps \[N\]: deep flexion, measured poses. None where it is tissue.
     pub forces: [f64; 2],
     /// Poses of the tibia that were asked for.
@@ -109,9 +109,9 @@ pub fn write_deep_flexion(
         "frames_asked": results.n_poses,
         "against_measured": results.against.map(|all| {
             let named = PATELLA.into_iter().zip(all);
-            named.map(|(name, [rmsd, nrmsd])| (name, json!({ "rmsd": rmsd, "nrmsd": nrmsd }))).collect::<BTreeMap<_, _>>()
+            named.map(|(name, of)| (name, json!({ "rmsd": of.rmsd, "nrmsd": of.nrmsd }))).collect::<BTreeMap<_, _>>()
         }),
-        "nrmsd_sum": results.against.map(|all| all.iter().map(|a| a[1]).sum::<f64>()),
+        "nrmsd_sum": results.against.and_then(|all| nrmsd_sum(&all)),
     }));
     let listed = super::names_in(&frames).into_iter().map(|name| format!("{}/{name}", KNEE_FRAMES[0][0]));
     let listed: Vec<String> = listed.collect();

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::page::{document, grid, section, table};
 use super::svg::{Ticks, escape, fixed, px};
 use crate::output::deep_flexion::Results;
+use coupling::knee::deep::nrmsd_sum;
 use coupling::knee::flexion::Bent;
 use coupling::knee::muscles::Muscles;
 
@@ -88,13 +89,17 @@ pub fn page(results: &Results) -> String {
     body.push_str(&section("The knee", lead, &grid("half", &sections)));
     if let Some(all) = results.against {
         let rows: Vec<Vec<String>> = (COORDINATES.iter().zip(all))
-            .map(|((name, unit), [rmsd, part])| {
-                vec![(*name).into(), (*unit).into(), fixed(rmsd, 2), fixed(part, 2)]
+            .map(|((name, unit), of)| {
+                let part = of.nrmsd.map_or("none".into(), |part| fixed(part, 2));
+                vec![(*name).into(), (*unit).into(), fixed(of.rmsd, 2), part]
             })
             .collect();
-        let sum: f64 = all.iter().map(|a| a[1]).sum();
+        let sum = match nrmsd_sum(&all) {
+            Some(sum) => format!("their sum is {sum:.2}. A mean near zero inflates its term."),
+            None => "there is no sum, because a mean is zero.".to_string(),
+        };
         let lead = format!(
-            "Root mean square over all rows, and the same over the mean of the measured values; their sum is {sum:.2}. A mean near zero inflates its term."
+            "Root mean square over all rows, and the same over the mean of the measured values; {sum}"
         );
         body.push_str(&section(
             "Against the measured poses",
