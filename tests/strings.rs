@@ -142,6 +142,32 @@ fn forces_and_stiffness_of_strings_are_derivatives() {
     }
 }
 
+/// A string that a trial has drawn to the other side of a rod comes back to the side that it was on: what is computed from one state is the same
+/// whatever was tried in between.
+#[test]
+fn a_trial_far_off_does_not_lead_a_string_astray() {
+    let [from, to] = [[-0.03, 0.004, 0.0], [0.03, 0.004, 0.0]].map(Point3::from);
+    let string = TautString::new(Round::Rod.field(), from);
+    let first = string.way(&to, None);
+    let strings = Strings::new("string", &[[0]], vec![(string, Pull::Tension(0, 1.0))], vec![first.clone()]);
+    let way = |x: f64, y: f64| strings.way(0, &[x, y, 0.0]);
+    let above = |way: &Way| way.places[SEGMENTS / 2].y > 0.0;
+    assert!(above(&way(to.x, to.y)));
+    // Far below, the string goes below the rod.
+    let mut far = way(0.02, -0.04);
+    for k in 0..8 {
+        far = way(0.01 * f64::from(k) - 0.04, -0.045);
+    }
+    assert!(!above(&far), "the trial tries nothing: {far:?}");
+    let back = way(to.x, to.y + 1e-5);
+    assert!(
+        above(&back) && (back.length - first.length).abs() < 1e-5,
+        "{} and {} m",
+        back.length,
+        first.length
+    );
+}
+
 /// In a groove what holds a string against going aside is the curvature of the solid across, far more than the string's own: without it ways did not
 /// settle, the energy of a patella jumped from trial to trial, and its knee was not solved at 70 degrees. Ends of the long medial head on the way there.
 #[test]

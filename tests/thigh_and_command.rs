@@ -5,6 +5,7 @@ mod comparison;
 mod controller;
 mod cost;
 mod deep_flexion;
+mod deep_flexion_input;
 mod fidelity;
 mod muscle_mesh;
 mod muscle_surfaces;

@@ -153,64 +153,25 @@ impl KneeAnatomy {
         let mut body = |name: &str| wrong.keep(Surface::read_checked(&folder.join(name), LengthUnit::Metre));
         let [femur, patella] = [body(FEMUR), body(PATELLA)];
         let [femoral, patellar, medial, lateral] = sheets;
-        let pairs = [
+        let sheets = [
             (FEMORAL_CARTILAGE, &femoral, FEMUR, &femur),
             (PATELLAR_CARTILAGE, &patellar, PATELLA, &patella),
         ];
-        for (name, sheet, bone_name, bone) in pairs {
-            let (Some(sheet), Some(bone)) = (sheet, bone) else { continue };
-            let bone = SearchSurface::new(bone.clone());
-            let Some(bone) = wrong.keep(SignedDistance::new(&bone)) else { continue };
-            let mut off: Vec<f64> = sheet.points.iter().map(|p| bone.at(&(*p).into()).distance).collect();
-            off.sort_by(f64::total_cmp);
-            let [least, half, most] = [off[0], off[off.len() / 2], off[off.len() - 1]];
-            if most.max(-least) > OFF_BONE || half.abs() > MOSTLY_OFF_BONE {
-                let problem = format!(
-                    "it is {:.1} to {:.1} mm off {bone_name}, half of it beyond {:.1} mm, and cartilage lies on its bone, at most {} mm off and mostly {}",
-                    1e3 * least,
-                    1e3 * most,
-                    1e3 * half,
-                    1e3 * OFF_BONE,
-                    1e3 * MOSTLY_OFF_BONE
-                );
-                let remedy = "give both surfaces of one knee, in one frame and in metres";
-                wrong.note(malformed(&folder.join(name), problem, remedy).into());
-            } else if !looks_away(sheet, &bone) {
-                wrong.note(turned_round(&folder.join(name)));
+        for (name, sheet, bone_name, bone) in sheets {
+            if let (Some(sheet), Some(bone)) = (sheet, bone) {
+                wrong.keep(lies_on(&folder.join(name), sheet, bone_name, bone));
             }
         }
         for (name, sheet) in TIBIAL_CARTILAGE.iter().zip([&medial, &lateral]) {
-            let (Some(sheet), Some((frames, _))) = (sheet, &model) else { continue };
-            let area: Vector3<f64> = (0..sheet.triangles.len()).map(|t| sheet.area_vector(t)).sum();
-            if area.dot(&(frames[&Bone::Tibia] * Vector3::y())) <= 0.0 {
-                wrong.note(turned_round(&folder.join(name)));
+            if let (Some(sheet), Some((frames, _))) = (sheet, &model) {
+                wrong.keep(looks_up(&folder.join(name), sheet, &frames[&Bone::Tibia]));
             }
         }
         if let (Some((_, springs)), Some(femur), Some(patella), Some(medial), Some(lateral)) =
             (&model, &femur, &patella, &medial, &lateral)
         {
             let joint = medial.clone().with(lateral);
-            let bones = [
-                (Bone::Femur, femur, OFF_END),
-                (Bone::Patella, patella, OFF_END),
-                (Bone::Tibia, &joint, BELOW_JOINT),
-            ];
-            let problems = bones.into_iter().flat_map(|(bone, surface, most)| {
-                let surface = SearchSurface::new(surface.clone());
-                let ends = springs.iter().flat_map(|s| s.ends.iter().map(move |end| (&s.name, end)));
-                let off = ends.filter(|(_, end)| end.0 == bone).filter_map(move |(name, end)| {
-                    let off = surface.nearest(&end.1.coords).map_or(f64::INFINITY, |at| at.0.distance);
-                    let of = if bone == Bone::Tibia { "cartilage of the tibia" } else { bone.body() };
-                    let told = format!("`{name}` ends {:.1} mm off {of}, at most {}", 1e3 * off, 1e3 * most);
-                    (!(off <= most)).then_some(told)
-                });
-                off.collect::<Vec<String>>()
-            });
-            let problems: Vec<String> = problems.collect();
-            if !problems.is_empty() {
-                let remedy = "give ends of springs on their bones, in the frame of each and in metres";
-                wrong.note(malformed(&file, problems.join("; "), remedy).into());
-            }
+            wrong.keep(end_on_bones(&file, springs, [femur, &joint, patella]));
         }
         wrong.finish()?;
         let sound = "nothing was wrong with it";
@@ -245,6 +206,66 @@ impl KneeAnatomy {
         let most = |c: usize| own.iter().fold(f64::MIN, |most, p| most.max(p[c]));
         let middle = own.iter().map(|p| p.x).sum::<f64>() / own.len() as f64;
         [middle, most(1), most(2)]
+    }
+}
+
+/// Refuses cartilage that does not lie on its bone, or looks into it.
+fn lies_on(file: &Path, sheet: &Surface, bone_name: &str, bone: &Surface) -> Result<(), CouplingError> {
+    let bone = SearchSurface::new(bone.clone());
+    let bone = SignedDistance::new(&bone)?;
+    let mut off: Vec<f64> = sheet.points.iter().map(|p| bone.at(&(*p).into()).distance).collect();
+    off.sort_by(f64::total_cmp);
+    let [least, half, most] = [off[0], off[off.len() / 2], off[off.len() - 1]];
+    if most.max(-least) > OFF_BONE || half.abs() > MOSTLY_OFF_BONE {
+        let problem = format!(
+            "it is {:.1} to {:.1} mm off {bone_name}, half of it beyond {:.1} mm, and cartilage lies on its bone, at most {} mm off and mostly {}",
+            1e3 * least,
+            1e3 * most,
+            1e3 * half,
+            1e3 * OFF_BONE,
+            1e3 * MOSTLY_OFF_BONE
+        );
+        let remedy = "give both surfaces of one knee, in one frame and in metres";
+        return Err(malformed(file, problem, remedy).into());
+    }
+    if looks_away(sheet, &bone) { Ok(()) } else { Err(turned_round(file)) }
+}
+
+/// Refuses cartilage of the tibia that looks down in the frame of that.
+fn looks_up(file: &Path, sheet: &Surface, frame: &Isometry3<f64>) -> Result<(), CouplingError> {
+    let area: Vector3<f64> = (0..sheet.triangles.len()).map(|t| sheet.area_vector(t)).sum();
+    if area.dot(&(frame * Vector3::y())) > 0.0 { Ok(()) } else { Err(turned_round(file)) }
+}
+
+/// Refuses springs of which an end is off its bone: femur, cartilage of the tibia, patella.
+fn end_on_bones(file: &Path, springs: &[Spring], bones: [&Surface; 3]) -> Result<(), CouplingError> {
+    let mut problems = Vec::new();
+    for (bone, surface) in Bone::ALL.into_iter().zip(bones) {
+        let (of, most) = match bone {
+            Bone::Tibia => ("cartilage of the tibia", BELOW_JOINT),
+            _ => (bone.body(), OFF_END),
+        };
+        let surface = SearchSurface::new(surface.clone());
+        for spring in springs {
+            for (_, end) in spring.ends.iter().filter(|end| end.0 == bone) {
+                let off = surface.nearest(&end.coords).map_or(f64::INFINITY, |at| at.0.distance);
+                if !(off <= most) {
+                    let name = &spring.name;
+                    problems.push(format!(
+                        "`{name}` ends {:.1} mm off {of}, at most {}",
+                        1e3 * off,
+                        1e3 * most
+                    ));
+                }
+            }
+        }
+    }
+    match problems.is_empty() {
+        true => Ok(()),
+        false => {
+            let remedy = "give ends of springs on their bones, in the frame of each and in metres";
+            Err(malformed(file, problems.join("; "), remedy).into())
+        }
     }
 }
 

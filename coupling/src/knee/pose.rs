@@ -432,5 +432,48 @@ mod tests {
         assert!(needed.iter().all(|n| said.contains(n)), "{said}");
         let said = TibiaPath::parse("knee_flexion_deg\n1\n", "t.csv".as_ref()).unwrap_err().to_string();
         assert!(said.contains("column `knee_lateral_mm` is missing"), "{said}");
+        let twice = TibiaPath::parse(&format!("{header},{}\n", COLUMNS[4]), "t.csv".as_ref());
+        assert!(twice.unwrap_err().to_string().contains("column `knee_proximal_mm` is there twice"));
+    }
+
+    #[test]
+    fn radians_and_metres_are_refused() {
+        let header = COLUMNS.join(",");
+        let said = |rows: &str| {
+            TibiaPath::parse(&format!("{header}\n{rows}"), "t.csv".as_ref()).err().map(|e| e.to_string())
+        };
+        let radians = said("0,0,0,1,2,3\n0.3,0.1,0,4,2,3\n").unwrap();
+        assert!(radians.contains("as if they were radians") && !radians.contains("metres"), "{radians}");
+        let metres = said("0,0,0,0.001,0.002,0.003\n10,1,0,0.004,0.002,0.003\n").unwrap();
+        assert!(metres.contains("as if they were metres") && !metres.contains("radians"), "{metres}");
+        // A tibia that stays where it is is none of both, and neither is a way of one pose.
+        assert_eq!([said("0,0,0,0,0,0\n10,0,0,0,0,0\n"), said("0.3,0,0,0.01,0,0\n")], [None, None]);
+    }
+
+    /// Lines are counted as an editor does, whatever they end with, and cells that are missing are told as those that are empty.
+    #[test]
+    fn a_table_of_another_system_is_told_of_by_its_lines() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("m.csv");
+        let header = [&COLUMNS[..], &PATELLA[..], &[FRAMES]].concat().join(",");
+        let rows = ["10,0,0,1,2,3,10,0,0,50,5,3,4", "12,0,0,1,2,x,10,0,0,50,5,3,4", "14,0,0,1,2,3,12"];
+        for end in ["\n", "\r\n"] {
+            let said = |n: usize| {
+                std::fs::write(&file, [&[header.as_str()], &rows[..n]].concat().join(end)).unwrap();
+                Measured::read(&file).map_err(|error| error.to_string())
+            };
+            assert_eq!(said(1).unwrap().lines, [2]);
+            let wrong = said(3).unwrap_err();
+            for words in ["line 3: knee_lateral_mm is `x`", "line 4: patella_lateral_mm is ``"] {
+                assert!(wrong.contains(words), "{words}: {wrong}");
+            }
+        }
+        std::fs::write(&file, format!("{header}\n10,0,0,1,2,3,10,0,0,50,5,3,-4\n")).unwrap();
+        let wrong = Measured::read(&file).unwrap_err().to_string();
+        assert!(wrong.contains("line 2: frames is `-4`"), "{wrong}");
+        // Millimetres at once.
+        std::fs::write(&file, format!("{header}\n{0}\n{0}\n", rows[0]).replacen("50,5", "50,30", 1)).unwrap();
+        let wrong = Measured::read(&file).unwrap_err().to_string();
+        assert!(wrong.contains("line 3: the patella moves by 25.0 mm"), "{wrong}");
     }
 }

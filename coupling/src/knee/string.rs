@@ -58,7 +58,8 @@ pub struct Way {
     pub places: [Point3<f64>; SEGMENTS + 1],
     /// ℓ \[m\]; infinite where no way settles.
     pub length: f64,
-    /// ∂ℓ/∂x of its last node: the unit vector along its last segment.
+    /// ∂ℓ/∂x of its last node, n d/ℓ: along its last segment, and as long as that is against the others. Where the last nodes lie on a crest, into which
+    /// each sinks another way, that is up to 3 % off 1.
     pub along: Vector3<f64>,
     /// ∂²ℓ/∂x² \[1/m\].
     pub bend: Matrix3<f64>,
