@@ -99,7 +99,8 @@ fn all_mistakes_of_a_table_are_told_with_their_lines() {
     };
     let text = "time_s,p_psi,bone_x_m,bone_rx_deg,bone_ry_deg,bone_rz_deg,bone_qw\n\
                 1,0,0,0,0,0,1\n0.5,0,0,190,0,0,1\n2,0,zero,0,0,inf,1\n3,0,0\n";
-    let error = told(text);
+    // As saved by a spreadsheet, too.
+    let [error, windows] = [told(text), told(&text.replace('\n', "\r\n"))];
     for words in [
         "line 1: column `p_psi`",
         "(p)",
@@ -114,6 +115,7 @@ fn all_mistakes_of_a_table_are_told_with_their_lines() {
         "line 5: 3 fields, must be 7 as in the header",
     ] {
         assert!(error.contains(words), "`{words}` is missing: {error}");
+        assert!(windows.contains(words), "`{words}` is missing: {windows}");
     }
     assert!(told("p\n1\n").contains("`time_s` is missing"));
     assert!(told("time_s,p,p_kPa\n1,1,1\n").contains("column `p_kPa` gives once more"));

@@ -285,7 +285,10 @@ fn a_bad_table_of_sections_is_refused_with_its_line() {
         (scaled(0.001), 2, "lengths of the table are in mm"),
         (lines[..40].join("\n") + "\nrow,with,too,few", 41, "not a row"),
     ];
-    for (text, line, words) in cases {
+    // As saved by a spreadsheet, too.
+    let windows =
+        cases.clone().into_iter().map(|(text, line, words)| (text.replace('\n', "\r\n"), line, words));
+    for (text, line, words) in windows.chain(cases) {
         match MuscleSections::read_csv(&text, Path::new("sections.csv")) {
             Ok(_) => panic!("accepted, expected: {words}"),
             Err(error @ MeshError::Format { .. }) => {

@@ -565,6 +565,8 @@ fn damaged_text_names_the_line() {
         (csv("-1e3", "1e309"), Place::Line(4)),
         (csv("-1e3", ""), Place::Line(4)),
         (csv("0.5", "0"), Place::Line(4)),
+        // As saved by a spreadsheet.
+        (("a.csv", CSV.replacen("-1e3", "", 1).replace('\n', "\r\n").into_bytes()), Place::Line(4)),
         (csv("time_s", "frame"), Place::Line(1)),
     ];
     for ((name, bytes), place) in cases {

@@ -100,6 +100,8 @@ fn every_mistake_of_a_table_is_named_at_once() {
     let said = |text: &str| ThighCapacities::parse(Path::new("c.csv"), text).unwrap_err().to_string();
     let rows = "a,gluteus_medus,10,1000,1.0,5,-0.04,0\na,gracilis,30,20,1.0,5,-0.04,0\na,gracilis,x,20,0.5,5,nan,0\n";
     let all = said(&format!("{HEADER}{rows}"));
+    // As saved by a spreadsheet, too.
+    assert_eq!(said(&format!("{HEADER}{rows}").replace('\n', "\r\n")), all);
     for words in [
         "c.csv, line 2: there is no muscle `gluteus_medus`; did you mean `gluteus_medius`",
         "c.csv, line 3: `gracilis` pulls with 30 N at least and 20 N at most",

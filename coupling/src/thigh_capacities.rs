@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use multibody::InputError;
 use multibody::error::{Mistakes, Place, unknown};
 use multibody::model::Model;
+use multibody::read::with_plain_ends;
 use multibody::sharing::Capacity;
 
 use crate::error::CouplingError;
@@ -79,6 +80,7 @@ impl ThighCapacities {
             remedy: remedy.into(),
         };
         let mut wrong = Mistakes::default();
+        let text = with_plain_ends(text);
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let unreadable = |e: csv::Error| {
             let line = e.position().map_or(Place::Whole, |p| Place::Line(p.line() as usize));

@@ -192,12 +192,14 @@ impl Drive {
     /// Reads the table `path` of a plan; see [`crate::drive`] for its columns. All mistakes are named at once, with their lines.
     pub fn read(path: &Path, plan: &Plan) -> Result<Drive, DriveError> {
         let text = |source: csv::Error| DriveError::Read { path: path.to_path_buf(), source };
+        // After a return the reader counts the next row as of the line before.
+        let table =
+            std::fs::read_to_string(path).map_err(|source| text(source.into()))?.replace("\r\n", "\n");
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_path(path)
-            .map_err(text)?;
+            .from_reader(table.as_bytes());
         let mut mistakes = Vec::new();
         let header = reader.headers().map_err(text)?.clone();
         let columns = columns(&header, plan, &mut mistakes);

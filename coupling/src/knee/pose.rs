@@ -6,6 +6,7 @@ use std::path::Path;
 
 use multibody::InputError;
 use multibody::error::Place;
+use multibody::read::with_plain_ends;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::error::CouplingError;
@@ -289,11 +290,10 @@ fn jumps(bone: &str, rows: &[(usize, Coordinates)]) -> Vec<String> {
     jumped.collect()
 }
 
-/// The text of a table, its lines as those of other systems: after a return the reader counts the next row as of the line before.
 fn text_of(file: &Path) -> Result<String, InputError> {
     let text =
         std::fs::read_to_string(file).map_err(|source| InputError::Io { file: file.into(), source })?;
-    Ok(text.replace("\r\n", "\n"))
+    Ok(with_plain_ends(&text))
 }
 
 /// Reads a table in which a cell that is missing is told like one that is empty.

@@ -1,6 +1,7 @@
 //! Tables of the thigh as text: a header, then rows whose cells go by the names of their columns.
 
 use std::collections::HashMap;
+use std::io::Cursor;
 use std::path::Path;
 
 use nalgebra::Vector3;
@@ -17,7 +18,7 @@ pub(super) struct Table<'a> {
     file: &'a Path,
     header: csv::StringRecord,
     columns: HashMap<String, usize>,
-    reader: csv::Reader<&'a [u8]>,
+    reader: csv::Reader<Cursor<String>>,
 }
 
 /// One row.
@@ -32,8 +33,10 @@ pub(super) struct Row<'a> {
 
 impl<'a> Table<'a> {
     /// `file` is the name for messages. Cells are trimmed.
-    pub fn read(text: &'a str, file: &'a Path) -> Result<Table<'a>, MeshError> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+    pub fn read(text: &str, file: &'a Path) -> Result<Table<'a>, MeshError> {
+        // After a return the reader counts the next row as of the line before.
+        let text = Cursor::new(text.replace("\r\n", "\n"));
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
         let header = reader.headers().map_err(|e| bad(file, 1, e.to_string()))?.clone();
         let columns = header.iter().enumerate().map(|(i, name)| (name.to_string(), i)).collect();
         Ok(Table { file, header, columns, reader })

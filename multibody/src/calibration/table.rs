@@ -11,6 +11,7 @@ use super::shifts::Shifts;
 use super::{CalibrationError, HipCentre, apart, hip_centre};
 use crate::anatomy::{Anatomy, Cluster, FootAxes, PelvisAxes, ShankAxes, ThighAxes};
 use crate::natural::SegmentId;
+use crate::read::with_plain_ends;
 use crate::trial::Sex;
 
 /// Why a table of landmarks cannot be used.
@@ -54,6 +55,7 @@ pub struct TableItem {
 
 /// Reads the rows with a segment; rows without one (scalars) are skipped.
 pub fn read(text: &str) -> Result<Vec<TableItem>, TableError> {
+    let text = with_plain_ends(text);
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let row_error = |line: u64, what: String| TableError::Row { line, what };
     let headers = reader.headers().map_err(|e| row_error(1, e.to_string()))?.clone();

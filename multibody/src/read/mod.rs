@@ -24,6 +24,7 @@ pub use parameters::{Parameter, Parameters, Values};
 pub use plate::{ForcePlate, PlateLoad};
 pub use series::{TimeSeries, parse_series, read_series};
 pub(crate) use text::decode;
+pub use text::with_plain_ends;
 pub use trc::{parse_trc, read_trc};
 
 use crate::error::{InputError, Place};

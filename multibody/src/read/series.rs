@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::text::{check_increasing, decode, number, shortened};
+use super::text::{check_increasing, decode, number, shortened, with_plain_ends};
 use super::{ending, file_bytes, malformed};
 use crate::error::{InputError, Place, nearest};
 
@@ -110,7 +110,7 @@ fn parse_storage(file: &Path, bytes: &[u8]) -> Result<TimeSeries, InputError> {
 
 /// A line of names that begins with `time_s`, then rows. Lines that begin with `#` are comments.
 fn parse_csv(file: &Path, bytes: &[u8]) -> Result<TimeSeries, InputError> {
-    let text = decode(file, bytes)?;
+    let text = with_plain_ends(decode(file, bytes)?);
     let mut reader =
         csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
     let broken = |e: csv::Error| {

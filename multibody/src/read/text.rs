@@ -24,6 +24,11 @@ pub(crate) fn decode<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, InputE
         .map_err(|e| malformed(file, Place::Byte(e.valid_up_to()), "the text is not UTF-8", remedy))
 }
 
+/// A table with the line ends that its reader counts rightly: after a return it takes the next row for one of the line before.
+pub fn with_plain_ends(text: &str) -> String {
+    text.replace("\r\n", "\n")
+}
+
 /// A finite number; `what` is named in the error.
 pub(super) fn number(file: &Path, line: usize, what: &str, cell: &str) -> Result<f64, InputError> {
     match cell.trim().parse::<f64>() {
