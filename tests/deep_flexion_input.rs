@@ -1,5 +1,5 @@
 //! What `step deep_flexion` reads of a folder: is what can be no knee refused, with file, line and remedy, all of it at once, before anything is
-//! written?
+//! written, and a knee that does not hold its patella told?
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -15,6 +15,9 @@ use tempfile::TempDir;
 const PATH: &str = "tibia_path_deep.csv";
 const MEASURED: &str = "dynamic_mri_knee.csv";
 const MODEL: &str = "knee_model.json";
+
+/// What is done to a model.
+type Change<'a> = &'a dyn Fn(&mut Value);
 
 /// The data of a real knee, of which any file can be another one.
 struct Folder(TempDir);
@@ -59,7 +62,7 @@ impl Folder {
     }
 
     /// A model made from that of the data.
-    fn model(&self, change: &dyn Fn(&mut Value)) {
+    fn model(&self, change: Change) {
         let text = std::fs::read_to_string(shared("anatomy/knee").unwrap().join(MODEL)).unwrap();
         let mut model = serde_json::from_str(&text).unwrap();
         change(&mut model);
@@ -236,7 +239,7 @@ fn a_model_that_is_none_of_this_knee_is_refused() {
     let spring = |model: &mut Value, name: &str| -> usize {
         model["ligaments"].as_array().unwrap().iter().position(|l| l["name"] == name).unwrap()
     };
-    let cases: [(&dyn Fn(&mut Value), &[&str]); 6] = [
+    let cases: [(Change, &[&str]); 6] = [
         (
             &|model| {
                 let (first, again) = (spring(model, "PT1"), model["ligaments"][0].clone());
@@ -291,6 +294,37 @@ fn a_model_that_is_none_of_this_knee_is_refused() {
         }
     });
     folder.is_refused(&[&[MODEL, "no spring", "`PT1`"]]);
+}
+
+/// A tubercle 45 mm to lateral pulls the patella out of its groove: exit 3, what a person should know, and the frames before.
+#[test]
+fn a_patella_that_leaves_its_groove_is_not_solved() {
+    let Some(folder) = Folder::new() else { return };
+    folder.model(&|model| {
+        for ligament in model["ligaments"].as_array_mut().unwrap() {
+            let is_patellar = ligament["name"].as_str().unwrap().starts_with("PT");
+            for point in ligament["points"].as_array_mut().unwrap() {
+                if is_patellar && point["body"] == "tibia_proximal_r" {
+                    point.as_object_mut().unwrap().remove("limb");
+                    point["native"][2] = json!(point["native"][2].as_f64().unwrap() + 0.045);
+                }
+            }
+        }
+    });
+    let (code, said) = folder.said();
+    assert_eq!(code, Some(3), "{said}");
+    for word in [
+        "not solved: the patella has left its groove",
+        "mm to lateral of the middle of the femur",
+        "flexion",
+        "left on the patella (",
+        "contact",
+        "strands: patellar_ligament_lateral_1",
+    ] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    let table = std::fs::read_to_string(folder.path().join("out/step-deep_flexion/patella.csv")).unwrap();
+    assert!((10..56).contains(&(table.lines().count() - 1)), "{table}");
 }
 
 #[test]
