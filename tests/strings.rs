@@ -153,10 +153,12 @@ fn a_trial_far_off_does_not_lead_a_string_astray() {
     let way = |x: f64, y: f64| strings.way(0, &[x, y, 0.0]);
     let above = |way: &Way| way.places[SEGMENTS / 2].y > 0.0;
     assert!(above(&way(to.x, to.y)));
-    // Far below, the string goes below the rod, and stays there while its end comes up again beside it.
-    let mut far = way(0.02, -0.04);
-    for y in [-0.045, -0.035, -0.025, -0.015, -0.005] {
-        far = way(0.03, y);
+    // Far to the left it leaves the rod, comes back below it, and stays there while its end comes up again beside it.
+    let mut far = way(-0.04, -0.045);
+    for [x, y] in
+        [[-0.02, -0.045], [0.0, -0.045], [0.02, -0.045], [0.03, -0.035], [0.03, -0.02], [0.03, -0.012]]
+    {
+        far = way(x, y);
     }
     assert!(!above(&far), "the trial tries nothing: {far:?}");
     let back = way(to.x, to.y + 1e-5);
