@@ -172,7 +172,7 @@ fn mistakes_of_poses_are_told_all_at_once() {
         |text| spoilt(6, "knee_proximal_mm", "-16.0")(changed("patella_lateral_mm", |at| at + 30.0)(text));
     folder.table(MEASURED, &aside);
     folder.is_refused(&[
-        &[PATH, "have nothing of the way from 0 to 137.5"],
+        &[PATH, "have less than a step of the way from 0 to 137.5"],
         &[MEASURED, "line 7", "is off the femur by"],
         &[MEASURED, "line 3", "the patella is in no groove"],
     ]);
@@ -192,7 +192,7 @@ fn a_way_is_as_long_as_its_table() {
     };
     folder.table(PATH, &to(140.0, 140.0));
     let refused = DeepFlexion::find(folder.path()).unwrap().short_of(0.0).unwrap_err().to_string();
-    assert!(refused.contains("have nothing of the way from 0 to 137.5"), "{refused}");
+    assert!(refused.contains("have less than a step of the way from 0 to 137.5"), "{refused}");
     folder.table(PATH, &to(5.0, 0.0));
     let (code, text) = folder.said();
     assert!(code == Some(0) && text.contains("note: ") && text.contains("is cut to that"), "{text}");

@@ -193,13 +193,15 @@ impl Drive {
     pub fn read(path: &Path, plan: &Plan) -> Result<Drive, DriveError> {
         let text = |source: csv::Error| DriveError::Read { path: path.to_path_buf(), source };
         // After a return the reader counts the next row as of the line before.
-        let table =
-            std::fs::read_to_string(path).map_err(|source| text(source.into()))?.replace("\r\n", "\n");
+        let bytes = std::fs::read(path).map_err(|source| text(source.into()))?;
+        let after = bytes.iter().skip(1).chain([&b' ']);
+        let table: Vec<u8> =
+            bytes.iter().zip(after).filter(|of| *of != (&b'\r', &b'\n')).map(|of| *of.0).collect();
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_reader(table.as_bytes());
+            .from_reader(table.as_slice());
         let mut mistakes = Vec::new();
         let header = reader.headers().map_err(text)?.clone();
         let columns = columns(&header, plan, &mut mistakes);

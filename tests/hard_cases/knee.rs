@@ -250,7 +250,7 @@ fn measured() -> Outcome {
     let all = deviations(&frames, rows);
     let sum = nrmsd_sum(&all).ok_or("a mean of the measured poses is zero")?;
     let good = (0..6).all(|c| all[c].rmsd <= BARS[c]);
-    let part = |of: Deviation| format!("{:.2} ({:.2})", of.rmsd, of.nrmsd.unwrap_or(f64::NAN));
+    let part = |of: Deviation| format!("{:.2} ({:.2})", of.rmsd, of.nrmsd.expect("there is a sum"));
     let parts: Vec<String> = (0..6).map(|c| format!("{} {}", NAMES[c], part(all[c]))).collect();
     let text = format!("RMSD in degrees and mm (NRMSD): {}; sum {sum:.2}", parts.join(", "));
     if good && sum <= 3.0 { Ok(text) } else { Err(text) }

@@ -1,6 +1,7 @@
 //! Deep flexion of a knee: its surfaces, the poses of its tibia, and the measured poses of its patella, found in a folder of data, or made.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use fem::geometry::{DistanceField, SearchSurface, SignedDistance};
 use fem::scene::ContactMode;
@@ -30,6 +31,9 @@ pub const DEEPEST: f64 = 137.5;
 const DEPTH: f64 = 5.2e-3;
 /// Gap \[m\] between cartilage of the tibia and the femur at most, on either side: condyles that lift off by more are no knee.
 const GAP: f64 = 10e-3;
+
+/// Part of the greatest value below which a mean is what is left of values that cancel: tables have six digits.
+const ROUND_OFF: f64 = 1e-9;
 
 /// Files of a knee.
 #[derive(Clone, Debug)]
@@ -123,16 +127,26 @@ impl DeepFlexion {
     /// The same with its quadriceps as tissue.
     pub fn knee_with(&self, mode: ContactMode, quadriceps: Quadriceps) -> Result<RigidKnee, CouplingError> {
         let knee = RigidKnee::with_quadriceps(&self.anatomy, &self.reference, mode, quadriceps);
-        knee.map_err(|error| match (&error, &self.files) {
+        knee.map_err(|error| match error {
+            KneeError::Several(all) => {
+                let mut wrong = Mistakes::default();
+                all.iter().for_each(|error| wrong.note(self.with_its_file(error)));
+                wrong.finish().expect_err("something is wrong")
+            }
+            one => self.with_its_file(&one),
+        })
+    }
+
+    /// What is wrong with a knee, and the file that says so.
+    fn with_its_file(&self, error: &KneeError) -> CouplingError {
+        CouplingError::Option(match (error, &self.files) {
             (KneeError::NoGroove(_), Some(files)) => {
                 let row = self.measured.reference().expect("it has a reference pose");
                 let (file, line) = (files.measured.display(), self.measured.lines[row]);
-                CouplingError::Option(format!("{file}, line {line}: {error}"))
+                format!("{file}, line {line}: {error}")
             }
-            (KneeError::NoSprings(_), Some(files)) => {
-                CouplingError::Option(format!("{}: {error}", files.model.display()))
-            }
-            _ => CouplingError::Option(error.to_string()),
+            (KneeError::NoSprings(_), Some(files)) => format!("{}: {error}", files.model.display()),
+            _ => error.to_string(),
         })
     }
 
@@ -168,11 +182,15 @@ impl DeepFlexion {
     ) -> Result<(RigidKnee, Option<String>), CouplingError> {
         let mut wrong = Mistakes::default();
         let short = wrong.keep(self.short_of(first));
-        let femur = wrong.keep(femur::field(&self.anatomy).map_err(CouplingError::from));
+        let knee = wrong.keep(build());
+        // Under muscles the distance to all of the femur is known, poses are judged by that around the knee.
+        let femur = match &knee {
+            Some(knee) if knee.muscles.is_none() => Some(knee.femur.clone()),
+            _ => wrong.keep(femur::field(&self.anatomy).map_err(CouplingError::from)).map(Arc::new),
+        };
         if let Some(femur) = femur {
             wrong.keep(self.check_poses(&femur));
         }
-        let knee = wrong.keep(build());
         wrong.finish()?;
         let sound = "nothing was wrong with it";
         Ok((knee.expect(sound), short.expect(sound)))
@@ -184,7 +202,7 @@ impl DeepFlexion {
         // One pose is no way.
         if self.poses(first).len() < 2 {
             return Err(CouplingError::Option(format!(
-                "{file}: poses from {from} to {to} degrees of flexion have nothing of the way from {first} to {DEEPEST}; give poses there"
+                "{file}: poses from {from} to {to} degrees of flexion have less than a step of the way from {first} to {DEEPEST}; give poses there"
             )));
         }
         let is_short = from > first || to < DEEPEST;
@@ -265,8 +283,9 @@ pub fn deviations(frames: &[FlexionFrame], measured: &Measured) -> [Deviation; 6
     std::array::from_fn(|c| {
         let off = frames.iter().zip(measured).map(|(f, row)| f.patella.to_array()[c] - row[1].to_array()[c]);
         let rmsd = (off.map(|d| d * d).sum::<f64>() / n).sqrt();
-        let mean = measured.iter().map(|row| row[1].to_array()[c]).sum::<f64>() / n;
-        Deviation { rmsd, nrmsd: (mean != 0.0).then(|| rmsd / mean.abs()) }
+        let values = || measured.iter().map(|row| row[1].to_array()[c]);
+        let (mean, most) = (values().sum::<f64>() / n, values().fold(0.0, |most: f64, v| most.max(v.abs())));
+        Deviation { rmsd, nrmsd: (mean.abs() > ROUND_OFF * most).then(|| rmsd / mean.abs()) }
     })
 }
 

@@ -19,6 +19,12 @@ const RIM: f64 = 2.2e-3;
 /// What is farther \[m\] than the four spacings within which samples are exact is of no interest, and twice as far.
 const MARGIN: f64 = 8e-3;
 
+/// Whether a place \[m\] in the frame of the femur is beside its knee.
+pub(super) fn is_at_knee(place: &Vector3<f64>) -> bool {
+    let [lo, hi] = BOX;
+    (0..3).all(|c| (lo[c]..=hi[c]).contains(&place[c]))
+}
+
 /// The distance to a femur around its knee, in its own frame.
 pub fn field(anatomy: &KneeAnatomy) -> Result<DistanceField, SurfaceError> {
     sampled(anatomy, BOX.map(Vector3::from))

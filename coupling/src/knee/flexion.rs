@@ -3,6 +3,7 @@
 use fem::body::{Pose, Wrench};
 use fem::effect::obstacle::Pressed;
 use fem::measure::free_bodies;
+use fem::plan::Load;
 use fem::run::{Drive, DriveFrame, Frame, Run, Session};
 use fem::solve::{Settings, SolveError};
 use nalgebra::Point3;
@@ -36,7 +37,7 @@ pub struct FlexionFrame {
     pub strands: Vec<StrandState>,
     /// Where each goes \[m\], in the frame of the femur.
     pub ways: Vec<Vec<Point3<f64>>>,
-    /// Its muscles, where they are tissue.
+    /// Its muscles, where they are tissue and the frame was solved.
     pub muscles: Option<MuscleState>,
     /// Iterations of Newton's method.
     pub iterations: usize,
@@ -65,7 +66,7 @@ impl FlexionFrame {
             contact: knee.pressed(at.x),
             strands: knee.strand_states(at.x, &at.load.controls),
             ways: knee.ways(at.x),
-            muscles: knee.muscles.as_ref().map(|muscles| MuscleState::of(&knee.plan, at, muscles)),
+            muscles: None,
             iterations: frame.count(|island| island.iterations),
             least_det_f: frame.islands.iter().map(|island| island.least_det_f).fold(f64::INFINITY, f64::min),
         }
@@ -157,7 +158,7 @@ impl Stopped {
 
 /// A knee that was bent.
 pub struct Bent {
-    /// The knee. Its strings remember the way that they went last, so another one is bent the next time.
+    /// The knee. Its strings go on from the last equilibrium, so another one is bent the next time.
     pub knee: RigidKnee,
     /// What was measured, frame by frame.
     pub frames: Vec<FlexionFrame>,
@@ -199,9 +200,6 @@ impl Bent {
     }
 }
 
-/// Frames, drive, run, and why they end early.
-type Course = (Vec<FlexionFrame>, Drive, Run, Option<Stopped>);
-
 /// Takes the tibia through some poses under a constant force of the quadriceps \[N\].
 pub fn flex(knee: RigidKnee, poses: &[Coordinates], quadriceps: f64, settings: &Settings) -> Bent {
     flex_told(knee, poses, quadriceps, settings, &mut |_| {})
@@ -219,18 +217,65 @@ pub fn flex_told(
     Bent { knee, frames, drive, run, stopped }
 }
 
+/// A knee on its way.
+struct Course<'a> {
+    knee: &'a RigidKnee,
+    session: Session<'a>,
+    /// Where the patella was last.
+    before: Coordinates,
+    run: Run,
+}
+
+impl Course<'_> {
+    /// The equilibrium under a load: the tibia at a pose, and a force \[N\] of the quadriceps.
+    fn step(
+        &mut self,
+        tibia: &Coordinates,
+        load: Load,
+        force: f64,
+    ) -> Result<(FlexionFrame, Frame), Stopped> {
+        let knee = self.knee;
+        let mut advanced = self.session.advance(&DriveFrame { time: tibia.flexion, load });
+        self.run.iterations.append(&mut advanced.iterations);
+        if !advanced.errors.is_empty() {
+            let frame = FlexionFrame::failed(knee, tibia, &advanced.frame);
+            self.run.unsolved = Some(advanced.frame);
+            return Err(Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame))));
+        }
+        let x = advanced.frame.snapshot().x;
+        let (frame, is_beside) = (FlexionFrame::of(knee, tibia, &advanced.frame), knee.is_beside_femur(x));
+        let lost = frame.strands.iter().position(|s| !s.tension.is_finite() || !s.strain.is_finite());
+        let stopped = match lost {
+            Some(lost) => Some(Stopped::NoWay(lost, Box::new(frame.clone()))),
+            None => {
+                let why = frame.dislocated(&self.before, force, is_beside);
+                why.map(|why| Stopped::Dislocated(why, Box::new(frame.clone())))
+            }
+        };
+        if let Some(stopped) = stopped {
+            self.run.unsolved = Some(advanced.frame);
+            return Err(stopped);
+        }
+        knee.settle(x);
+        self.before = frame.patella;
+        Ok((frame, advanced.frame))
+    }
+}
+
 fn course(
     knee: &RigidKnee,
     poses: &[Coordinates],
     quadriceps: f64,
     settings: &Settings,
     tell: &mut dyn FnMut(&FlexionFrame),
-) -> Course {
-    let (mut frames, mut run, mut drive) = (Vec::new(), Run::default(), Drive::default());
-    let mut session = match Session::new(&knee.plan, settings, None) {
+) -> (Vec<FlexionFrame>, Drive, Run, Option<Stopped>) {
+    let (mut frames, mut drive) = (Vec::new(), Drive::default());
+    let session = match Session::new(&knee.plan, settings, None) {
         Ok(session) => session,
-        Err(error) => return (frames, drive, run, Some(Stopped::NoEquilibrium(error, None))),
+        Err(error) => return (frames, drive, Run::default(), Some(Stopped::NoEquilibrium(error, None))),
     };
+    let before = knee.coordinates(&Pose::identity());
+    let mut course = Course { knee, session, before, run: Run::default() };
     let load = |tibia: &Coordinates, force: f64, step: usize| {
         let refused = |source| SolveError::Load { step, source: Box::new(source) };
         knee.load(tibia, force).map_err(|source| Stopped::NoEquilibrium(refused(source), None))
@@ -239,59 +284,26 @@ fn course(
     // pose in small steps.
     let way = poses.first().map_or(Vec::new(), |first| knee.reference.towards(first, APPROACH));
     let doubled = if quadriceps > 0.0 { DOUBLED } else { 0 };
-    let parts = (1..=doubled).rev().map(|k| (knee.reference, 0.5_f64.powi(k)));
-    let mut before = knee.coordinates(&Pose::identity());
-    for (tibia, part) in &parts.chain(way.into_iter().map(|tibia| (tibia, 1.0))).collect::<Vec<_>>() {
-        let load = match load(tibia, part * quadriceps, 0) {
-            Ok(load) => load,
-            Err(stopped) => return (frames, drive, run, Some(stopped)),
-        };
-        let mut advanced = session.advance(&DriveFrame { time: tibia.flexion, load });
-        run.iterations.append(&mut advanced.iterations);
-        if !advanced.errors.is_empty() {
-            let frame = FlexionFrame::failed(knee, tibia, &advanced.frame);
-            let stopped = Stopped::NoEquilibrium(advanced.errors.remove(0), Some(Box::new(frame)));
-            run.unsolved = Some(advanced.frame);
-            return (frames, drive, run, Some(stopped));
+    let parts = (1..=doubled).rev().map(|k| (knee.reference, quadriceps * 0.5_f64.powi(k)));
+    for (tibia, force) in parts.chain(way.into_iter().map(|tibia| (tibia, quadriceps))) {
+        if let Err(stopped) = load(&tibia, force, 0).and_then(|load| course.step(&tibia, load, force)) {
+            return (frames, drive, course.run, Some(stopped));
         }
-        // Strings that are measured go along, because they remember their way.
-        let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
-        let is_beside = knee.is_beside_femur(advanced.frame.snapshot().x);
-        if let Some(why) = frame.dislocated(&before, part * quadriceps, is_beside) {
-            run.unsolved = Some(advanced.frame);
-            return (frames, drive, run, Some(Stopped::Dislocated(why, Box::new(frame))));
-        }
-        before = frame.patella;
     }
     for tibia in poses {
-        let load = match load(tibia, quadriceps, frames.len()) {
-            Ok(load) => load,
-            Err(stopped) => return (frames, drive, run, Some(stopped)),
+        let asked = load(tibia, quadriceps, frames.len());
+        let solved = asked.and_then(|load| {
+            drive.frames.push(DriveFrame { time: tibia.flexion, load: load.clone() });
+            course.step(tibia, load, quadriceps)
+        });
+        let (mut frame, whole) = match solved {
+            Ok(solved) => solved,
+            Err(stopped) => return (frames, drive, course.run, Some(stopped)),
         };
-        drive.frames.push(DriveFrame { time: tibia.flexion, load });
-        let mut advanced = session.advance(&drive.frames[frames.len()]);
-        run.iterations.append(&mut advanced.iterations);
-        if !advanced.errors.is_empty() {
-            let error = advanced.errors.remove(0);
-            let frame = FlexionFrame::failed(knee, tibia, &advanced.frame);
-            run.unsolved = Some(advanced.frame);
-            return (frames, drive, run, Some(Stopped::NoEquilibrium(error, Some(Box::new(frame)))));
-        }
-        let frame = FlexionFrame::of(knee, tibia, &advanced.frame);
-        if let Some(lost) = frame.strands.iter().position(|s| !s.tension.is_finite() || !s.strain.is_finite())
-        {
-            run.unsolved = Some(advanced.frame);
-            return (frames, drive, run, Some(Stopped::NoWay(lost, Box::new(frame))));
-        }
-        let is_beside = knee.is_beside_femur(advanced.frame.snapshot().x);
-        if let Some(why) = frame.dislocated(&before, quadriceps, is_beside) {
-            run.unsolved = Some(advanced.frame);
-            return (frames, drive, run, Some(Stopped::Dislocated(why, Box::new(frame))));
-        }
-        before = frame.patella;
-        run.frames.push(advanced.frame);
+        frame.muscles = knee.muscles.as_ref().map(|m| MuscleState::of(&knee.plan, whole.snapshot(), m));
+        course.run.frames.push(whole);
         tell(&frame);
         frames.push(frame);
     }
-    (frames, drive, run, None)
+    (frames, drive, course.run, None)
 }

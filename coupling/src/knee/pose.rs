@@ -114,7 +114,7 @@ impl TibiaPath {
         TibiaPath { lines: (1..=rows.len()).collect(), rows }
     }
 
-    /// Refuses rows whose flexion does not increase, and turns of more than 20 degrees between neighbours.
+    /// Refuses rows whose flexion does not increase, and neighbours that are farther apart than a way is.
     fn new(rows: Vec<(usize, Coordinates)>, file: &Path) -> Result<TibiaPath, CouplingError> {
         let mut problems = Vec::new();
         for pair in rows.windows(2) {
@@ -354,27 +354,28 @@ pub(super) fn columns<const N: usize>(
     if !problems.is_empty() {
         return Err(malformed(file, problems, "mend these cells"));
     }
-    let problems = other_units(&out);
+    let problems: Vec<String> = out.iter().flat_map(|rows| other_units(rows)).collect();
     match problems.is_empty() {
         true => Ok(out),
-        false => Err(malformed(file, problems, "give degrees and millimetres")),
+        false => {
+            Err(malformed(file, problems, "give degrees and millimetres, and more than 3 degrees of a way"))
+        }
     }
 }
 
-/// What can be no degrees or millimetres, in words: a way of several rows on which nothing turns by more than half a circle in radians, or nothing
-/// moves by a tenth of a millimetre, though it moves.
-fn other_units(groups: &[Vec<(usize, Coordinates)>]) -> Vec<String> {
-    let all = || groups.iter().flatten().map(|row| row.1.to_array());
+/// What can be no degrees or millimetres of a group of columns, in words: a way of several rows on which nothing turns by more than half a circle in
+/// radians, or all places are between a millimetre and a decimetre in metres.
+fn other_units(rows: &[(usize, Coordinates)]) -> Vec<String> {
     let most = |of: fn(&[f64; 6]) -> &[f64]| {
-        all().flat_map(|row| of(&row).to_vec()).fold(0.0, |most: f64, v| most.max(v.abs()))
+        let all = rows.iter().flat_map(|row| of(&row.1.to_array()).to_vec());
+        all.fold(0.0, |most: f64, v| most.max(v.abs()))
     };
-    let is_way = groups.iter().any(|rows| rows.len() > 1);
     let [turn, shift] = [most(|row| &row[..3]), most(|row| &row[3..])];
     let mut problems = Vec::new();
-    if is_way && turn > 0.0 && turn <= std::f64::consts::PI {
+    if rows.len() > 1 && turn > 0.0 && turn <= std::f64::consts::PI {
         problems.push(format!("no angle is above {turn}, as if they were radians"));
     }
-    if is_way && shift > 0.0 && shift < 0.1 {
+    if rows.len() > 1 && shift > 1e-3 && shift < 0.1 {
         problems.push(format!("no place is beyond {shift}, as if they were metres"));
     }
     problems
@@ -443,11 +444,17 @@ mod tests {
             TibiaPath::parse(&format!("{header}\n{rows}"), "t.csv".as_ref()).err().map(|e| e.to_string())
         };
         let radians = said("0,0,0,1,2,3\n0.3,0.1,0,4,2,3\n").unwrap();
-        assert!(radians.contains("as if they were radians") && !radians.contains("metres"), "{radians}");
+        let [turn, shift] = ["as if they were radians", "as if they were metres"];
+        assert!(radians.contains(turn) && !radians.contains(shift), "{radians}");
         let metres = said("0,0,0,0.001,0.002,0.003\n10,1,0,0.004,0.002,0.003\n").unwrap();
-        assert!(metres.contains("as if they were metres") && !metres.contains("radians"), "{metres}");
-        // A tibia that stays where it is is none of both, and neither is a way of one pose.
-        assert_eq!([said("0,0,0,0,0,0\n10,0,0,0,0,0\n"), said("0.3,0,0,0.01,0,0\n")], [None, None]);
+        assert!(metres.contains(shift) && !metres.contains(turn), "{metres}");
+        // A tibia that stays where it is, but for round-off, is none of both, and neither is a way of one pose.
+        assert_eq!([said("0,0,0,1e-15,0,0\n10,0,0,0,0,0\n"), said("0.3,0,0,0.01,0,0\n")], [None, None]);
+        // Nor does the tibia tell of the units of the patella.
+        let both = [&COLUMNS[..], &PATELLA[..]].concat().join(",");
+        let text = format!("{both}\n10,0,0,1,2,3,0.2,0,0,50,5,3\n20,0,0,1,2,3,0.3,0,0,50,5,3\n");
+        let patella = columns(&text, "m.csv".as_ref(), [COLUMNS, PATELLA]).unwrap_err().to_string();
+        assert!(patella.contains("no angle is above 0.3"), "{patella}");
     }
 
     /// Lines are counted as an editor does, whatever they end with, and cells that are missing are told as those that are empty.
@@ -458,6 +465,10 @@ mod tests {
         let header = [&COLUMNS[..], &PATELLA[..], &[FRAMES]].concat().join(",");
         let rows = ["10,0,0,1,2,3,10,0,0,50,5,3,4", "12,0,0,1,2,x,10,0,0,50,5,3,4", "14,0,0,1,2,3,12"];
         for end in ["\n", "\r\n"] {
+            std::fs::write(&file, [COLUMNS.join(",").as_str(), "0,0,0,1,2,3", "9,0,0,1,2,x"].join(end))
+                .unwrap();
+            let wrong = TibiaPath::read(&file).unwrap_err().to_string();
+            assert!(wrong.contains("line 3: knee_lateral_mm is `x`"), "{wrong}");
             let said = |n: usize| {
                 std::fs::write(&file, [&[header.as_str()], &rows[..n]].concat().join(end)).unwrap();
                 Measured::read(&file).map_err(|error| error.to_string())

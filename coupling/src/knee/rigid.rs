@@ -20,7 +20,7 @@ use super::level::level;
 use super::muscles::{BellyPlace, MuscleError, Muscles, PatellaPlace, Resolution};
 use super::pose::Coordinates;
 use super::quadriceps::{HEADS, Head, Shaft};
-use super::string::{Pull, Strings, TautString, Way};
+use super::string::{Pull, Start, Strings, TautString};
 
 /// Name of the patella as a body.
 pub const PATELLA: &str = "patella";
@@ -117,6 +117,9 @@ const STRUCTURES: [Structure; 5] = [
 /// Why there is no such knee.
 #[derive(Debug, Error)]
 pub enum KneeError {
+    /// All that is wrong with what it is put together from.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Several(Vec<KneeError>),
     /// The patella is elsewhere in its reference pose.
     #[error(
         "the patella is in no groove in its reference pose: {0}; give a pose in which it lies in front of the trochlea"
@@ -215,13 +218,13 @@ struct Draft {
     strings: Vec<StringEnd>,
 }
 
-/// A string with the node that it ends at, and its way as the mesh has it.
+/// A string with the node that it ends at, and from where its way is looked for: at first that of the mesh.
 #[derive(Clone)]
 struct StringEnd {
     node: u32,
     string: TautString,
     pull: StringPull,
-    way: Way,
+    start: Start,
 }
 
 /// What pulls in a string, before controls have numbers.
@@ -308,7 +311,7 @@ impl Draft {
             kind: CellKind::Line2,
             nodes: vec![from, node],
         });
-        self.strings.push(StringEnd { node, string, pull, way });
+        self.strings.push(StringEnd { node, string, pull, start: Start::new(way) });
         self.names.push(name.to_string());
         Ok(())
     }
@@ -350,10 +353,6 @@ impl RigidKnee {
         mode: ContactMode,
         quadriceps: Quadriceps,
     ) -> Result<RigidKnee, KneeError> {
-        let missing = missing_springs(anatomy);
-        if !missing.is_empty() {
-            return Err(KneeError::NoSprings(missing));
-        }
         let [tibia, patella] = [reference.tibia, reference.patella].map(|c| c.pose());
         let own = |bone: Bone| anatomy.frame(bone).inverse();
         // From the frame of the surfaces into that of the femur, in the reference pose.
@@ -374,7 +373,17 @@ impl RigidKnee {
             ContactMode::Guarded => Arc::new(field.raised(femur::below(&field, &sheet))),
         };
         let patellar = anatomy.placed(&anatomy.patellar_cartilage, Bone::Patella, &patella);
-        let lifted = lifted(&solid, &patellar, &reference.patella).map_err(KneeError::NoGroove)?;
+        let mut wrong = Vec::new();
+        let missing = missing_springs(anatomy);
+        if !missing.is_empty() {
+            wrong.push(KneeError::NoSprings(missing));
+        }
+        let lifted =
+            lifted(&solid, &patellar, &reference.patella).map_err(|why| wrong.push(KneeError::NoGroove(why)));
+        let shaft = Shaft::of(&bone.points, SHAFT).ok_or(()).map_err(|()| wrong.push(KneeError::NoShaft));
+        let (Ok(lifted), Ok(shaft), true) = (lifted, shaft, wrong.is_empty()) else {
+            return Err(KneeError::Several(wrong));
+        };
         let lift = Translation3::new(lifted, 0.0, 0.0);
         let mut draft = Draft::default();
         let patellar = moved(&patellar, &lift.into());
@@ -398,7 +407,6 @@ impl RigidKnee {
                 draft.string(&name, string, lift * to, StringPull::Elastic(law, slack))?;
             }
         }
-        let shaft = Shaft::of(&bone.points, SHAFT).ok_or(KneeError::NoShaft)?;
         let muscles = match quadriceps {
             Quadriceps::Forces(heads) => {
                 let bounds = anatomy.patella_half_axes();
@@ -488,12 +496,16 @@ impl RigidKnee {
         straight.chain(sliding).collect()
     }
 
-    /// Whether some of the cartilage of the patella is where the distance to the femur is known, with the nodes at `x` \[m\], 3 per node; elsewhere
-    /// nothing would touch it.
+    /// Lets strings look for their ways from those with the nodes at `x` \[m\], 3 per node, from now on: an equilibrium.
+    pub fn settle(&self, x: &[f64]) {
+        self.strings.settle(x);
+    }
+
+    /// Whether some of the cartilage of the patella is beside the knee of the femur, with the nodes at `x` \[m\], 3 per node.
     pub fn is_beside_femur(&self, x: &[f64]) -> bool {
         let nodes = self.plan.mesh.surfaces[PATELLAR_CARTILAGE].iter().flatten();
         let mut places = nodes.map(|n| Vector3::from_column_slice(&x[3 * *n as usize..][..3]));
-        places.any(|place| self.femur.knows(&place))
+        places.any(|place| femur::is_at_knee(&place))
     }
 
     /// Where every strand goes with the nodes at `x` \[m\], in the order of [`RigidKnee::strands`].
@@ -512,7 +524,7 @@ fn built(name: &str, nodes: &[[u32; 1]], strings: &[StringEnd], control: usize) 
         StringPull::Share(share) => Pull::Tension(control, share),
     };
     let with_pulls = strings.iter().map(|s| (s.string.clone(), pull(s.pull))).collect();
-    Strings::new(name, nodes, with_pulls, strings.iter().map(|s| s.way.clone()).collect())
+    Strings::new(name, nodes, with_pulls, strings.iter().map(|s| s.start.clone()).collect())
 }
 
 fn pulling_strings(strings: &[StringEnd], control: usize) -> Term {
