@@ -20,7 +20,7 @@ use super::level::level;
 use super::muscles::{BellyPlace, MuscleError, Muscles, PatellaPlace, Resolution};
 use super::pose::Coordinates;
 use super::quadriceps::{HEADS, Head, Shaft};
-use super::string::{Pull, Start, Strings, TautString};
+use super::string::{Memory, Pull, Strings, TautString};
 
 /// Name of the patella as a body.
 pub const PATELLA: &str = "patella";
@@ -218,13 +218,13 @@ struct Draft {
     strings: Vec<StringEnd>,
 }
 
-/// A string with the node that it ends at, and from where its way is looked for: at first that of the mesh.
+/// A string with the node that it ends at, and its memory: at first of its way as the mesh has it.
 #[derive(Clone)]
 struct StringEnd {
     node: u32,
     string: TautString,
     pull: StringPull,
-    start: Start,
+    memory: Memory,
 }
 
 /// What pulls in a string, before controls have numbers.
@@ -311,7 +311,7 @@ impl Draft {
             kind: CellKind::Line2,
             nodes: vec![from, node],
         });
-        self.strings.push(StringEnd { node, string, pull, start: Start::new(way) });
+        self.strings.push(StringEnd { node, string, pull, memory: Memory::new(way) });
         self.names.push(name.to_string());
         Ok(())
     }
@@ -496,7 +496,7 @@ impl RigidKnee {
         straight.chain(sliding).collect()
     }
 
-    /// Lets strings look for their ways from those with the nodes at `x` \[m\], 3 per node, from now on: an equilibrium.
+    /// Lets strings forget the ways of trials: the nodes at `x` \[m\], 3 per node, are in equilibrium.
     pub fn settle(&self, x: &[f64]) {
         self.strings.settle(x);
     }
@@ -524,7 +524,7 @@ fn built(name: &str, nodes: &[[u32; 1]], strings: &[StringEnd], control: usize) 
         StringPull::Share(share) => Pull::Tension(control, share),
     };
     let with_pulls = strings.iter().map(|s| (s.string.clone(), pull(s.pull))).collect();
-    Strings::new(name, nodes, with_pulls, strings.iter().map(|s| s.start.clone()).collect())
+    Strings::new(name, nodes, with_pulls, strings.iter().map(|s| s.memory.clone()).collect())
 }
 
 fn pulling_strings(strings: &[StringEnd], control: usize) -> Term {

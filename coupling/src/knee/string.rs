@@ -30,6 +30,11 @@ const SETTLED: f64 = 1e-13;
 const NEAR: f64 = 1e-8;
 /// Least part of a step that is tried.
 const LEAST: f64 = 1e-6;
+/// Distance \[m\] between ends of ways that are remembered apart: what the patella does between two of them, a way follows.
+const APART: f64 = 1e-3;
+/// Ways that are remembered: more trials than a frame has by far, a tenth of a metre of them in a row.
+const KNOWN: usize = 256;
+
 /// What pulls in a string.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pull {
@@ -179,67 +184,93 @@ fn solve(stiffness: &[Matrix3<f64>; FREE], g: &[Vector3<f64>; FREE]) -> Option<[
     Some(step)
 }
 
-/// From where the way of a string is looked for: the way that it went in the last equilibrium. Whoever shares it finds the same way to the same place,
-/// whatever was tried since.
-#[derive(Clone)]
-pub struct Start(Arc<Mutex<Way>>);
+/// Ways that a string went since the last equilibrium: that of the equilibrium first, then those of trials, each the last one to end within [`APART`]
+/// of where it does. The next one is looked for from the nearest: Newton's method, whose trials draw together, so stays on one way where there are
+/// two, and what a trial far off has found leads nobody astray who comes back, nor does it count any more after the next equilibrium.
+struct KnownWays(Vec<Way>);
 
-impl Start {
-    /// From a way that is known.
-    pub fn new(way: Way) -> Start {
-        Start(Arc::new(Mutex::new(way)))
+impl KnownWays {
+    /// The one that ends nearest to a place \[m\].
+    fn nearest(&self, to: &Point3<f64>) -> usize {
+        let off = |way: &Way| (way.places[SEGMENTS] - to).norm_squared();
+        let all = self.0.iter().enumerate();
+        all.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).expect("the first one is kept").0
     }
 
-    fn way(&self) -> MutexGuard<'_, Way> {
-        locked(&self.0)
+    /// Keeps one that was found from the one at `nearest`; the trial that came first makes room.
+    fn keep(&mut self, way: &Way, nearest: usize) {
+        let is_near = (self.0[nearest].places[SEGMENTS] - way.places[SEGMENTS]).norm() < APART;
+        if is_near && nearest > 0 {
+            self.0[nearest] = way.clone();
+            return;
+        }
+        if self.0.len() == KNOWN {
+            self.0.remove(1);
+        }
+        self.0.push(way.clone());
     }
 }
 
-fn locked(way: &Mutex<Way>) -> MutexGuard<'_, Way> {
-    way.lock().expect("no thread panics while it holds a way")
+/// What is remembered of one string, shared by all who ask for its ways: who measures an equilibrium sees the ways that were found in it.
+#[derive(Clone)]
+pub struct Memory(Arc<Mutex<KnownWays>>);
+
+impl Memory {
+    /// Of a string that goes a way in an equilibrium.
+    pub fn new(way: Way) -> Memory {
+        Memory(Arc::new(Mutex::new(KnownWays(vec![way]))))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, KnownWays> {
+        self.0.lock().expect("no thread panics while it holds a way")
+    }
 }
 
 /// Strings that end at nodes, as a term.
 pub struct Strings {
     groups: Groups,
     strings: Vec<(TautString, Pull)>,
-    starts: Vec<Start>,
-    /// The way of each that was asked for last: energy, forces and stiffness of one state ask for the same.
-    newest: Vec<Mutex<Way>>,
+    memories: Vec<Memory>,
 }
 
 impl Strings {
-    /// Strings with what pulls in them and from where the way of each is looked for, by the nodes that they end at.
+    /// Strings with what pulls in them and what is remembered of each, by the nodes that they end at.
     pub fn new(
         name: &str,
         nodes: &[[u32; 1]],
         strings: Vec<(TautString, Pull)>,
-        starts: Vec<Start>,
+        memories: Vec<Memory>,
     ) -> Strings {
         // Pulls from outside: it is on no side of a cut.
         let groups = Groups::new(name, EffectKind::Load, nodes, vec![[f64::NAN; 3]; nodes.len()]);
-        let newest = starts.iter().map(|start| Mutex::new(start.way().clone())).collect();
-        Strings { groups, strings, starts, newest }
+        Strings { groups, strings, memories }
     }
 
     /// The way of a string with the nodes at `x` \[m\], 3 per node.
     pub fn way(&self, e: usize, x: &[f64]) -> Way {
         let [node] = *self.groups.nodes::<1>(e);
         let to = Point3::from(Vector3::from_column_slice(&x[3 * node as usize..][..3]));
-        let mut newest = locked(&self.newest[e]);
-        if newest.places[SEGMENTS] != to {
-            *newest = self.strings[e].0.way(&to, Some(&self.starts[e].way()));
+        let mut known = self.memories[e].lock();
+        let nearest = known.nearest(&to);
+        let before = &known.0[nearest];
+        if before.places[SEGMENTS] == to {
+            return before.clone();
         }
-        newest.clone()
+        let way = self.strings[e].0.way(&to, Some(before));
+        // Where none settles the next trial starts from one that did.
+        if way.length.is_finite() {
+            known.keep(&way, nearest);
+        }
+        way
     }
 
-    /// Lets all who share the starts look for ways from those with the nodes at `x` \[m\] from now on: an equilibrium.
+    /// Forgets the ways of trials: the nodes at `x` \[m\] are in equilibrium.
     pub fn settle(&self, x: &[f64]) {
-        for (e, start) in self.starts.iter().enumerate() {
+        for (e, memory) in self.memories.iter().enumerate() {
             let way = self.way(e, x);
             // One that does not settle leads nowhere.
             if way.length.is_finite() {
-                *start.way() = way;
+                memory.lock().0 = vec![way];
             }
         }
     }
