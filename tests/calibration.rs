@@ -227,3 +227,16 @@ fn a_stiff_knee_cannot_be_calibrated() {
     .unwrap_err();
     assert!(matches!(error, CalibrationError::Range { joint: "knee", .. }), "{error}");
 }
+
+/// Lines are counted as an editor does, whatever they end with.
+#[test]
+fn a_table_of_landmarks_is_told_of_by_its_lines() {
+    let text = "item,kind,segment,x_or_value,y,z\na,landmark,thigh,0,0,0\nb,landmark,leg,0,0,0\n";
+    for text in [text.to_string(), text.replace('\n', "\r\n")] {
+        let said = table::read(&text).unwrap_err();
+        assert!(
+            matches!(&said, table::TableError::Row { line: 3, what } if what.contains("`leg`")),
+            "{said}"
+        );
+    }
+}

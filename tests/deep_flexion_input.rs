@@ -283,7 +283,29 @@ fn a_model_that_is_none_of_this_knee_is_refused() {
             assert!(said.contains(word), "{word}: {said}");
         }
     }
-    // Bones that have changed their names: no spring goes to the bone that it belongs to.
+    // Two bones whose frames are exchanged.
+    folder.model(&|model| {
+        let frames = model["body_to_limb"].as_object_mut().unwrap();
+        let [femur, tibia] = ["femur_distal_r", "tibia_proximal_r"].map(|bone| frames[bone].clone());
+        frames["femur_distal_r"] = tibia;
+        frames["tibia_proximal_r"] = femur;
+    });
+    assert!(folder.anatomy().contains("`MCLd1` has a point whose `native` is"), "{}", folder.anatomy());
+    // A strand of the ligament that goes to the femur in place of the tibia, and a patella beside its groove: both at once.
+    folder.model(&|model| {
+        let (ligament, collateral) = (spring(model, "PT1"), spring(model, "LCL1"));
+        let femur = model["ligaments"][collateral]["points"].as_array().unwrap();
+        let femur = femur.iter().find(|p| p["body"] == "femur_distal_r").unwrap().clone();
+        for point in model["ligaments"][ligament]["points"].as_array_mut().unwrap() {
+            if point["body"] == "tibia_proximal_r" {
+                *point = femur.clone();
+            }
+        }
+    });
+    folder.table(MEASURED, &changed("patella_lateral_mm", |at| at + 30.0));
+    folder.is_refused(&[&[MODEL, "no spring `PT1` from"], &[MEASURED, "line 3", "33.6 mm to lateral"]]);
+    folder.table(MEASURED, &|text| text);
+    // The patella under another name: no spring goes to the bone that it belongs to.
     folder.model(&|model| {
         for ligament in model["ligaments"].as_array_mut().unwrap() {
             for point in ligament["points"].as_array_mut().unwrap() {
@@ -330,7 +352,7 @@ fn a_patella_that_leaves_its_groove_is_not_solved() {
 #[test]
 fn surfaces_that_are_no_knee_are_refused() {
     let Some(folder) = Folder::new() else { return };
-    // Cartilage of the femur 6 mm forward of its bone, cartilage of the tibia that looks down.
+    // Cartilage of the femur 12 mm forward of its bone, cartilage of the tibia that looks down.
     folder.surface("knee/femoral_cartilage_r.stl", &|triangles| {
         for triangle in triangles {
             for corner in 0..3 {

@@ -390,3 +390,32 @@ fn parse(text: &str, file: &Path) -> Result<(Frames, Vec<Spring>), CouplingError
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of 20 mm in the middle of a face of a cube of 100 mm, at some heights over it.
+    fn told(heights: [f64; 4], upward: bool) -> Option<String> {
+        let corner = |k: usize| std::array::from_fn(|c| 0.1 * ((k >> c & 1) as f64 - 0.5));
+        let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let cube = Surface { points: (0..8).map(corner).collect(), triangles };
+        let places = [[-0.01, -0.01], [0.01, -0.01], [0.01, 0.01], [-0.01, 0.01]];
+        let points = places.iter().zip(heights).map(|(p, h)| [p[0], p[1], 0.05 + h]).collect();
+        let triangles = if upward { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] };
+        let sheet = Surface { points, triangles };
+        lies_on("sheet.stl".as_ref(), &sheet, "bone.stl", &cube).err().map(|e| e.to_string())
+    }
+
+    #[test]
+    fn cartilage_lies_on_its_bone_and_looks_away_from_it() {
+        assert_eq!(told([2e-3, 2e-3, 3e-3, 9e-3], true), None);
+        // All of it within 10 mm, half of it beyond 5; and one corner beyond 10 mm, on either side.
+        for heights in [[2e-3, 6e-3, 6e-3, 6e-3], [2e-3, 2e-3, 2e-3, 11e-3], [-11e-3, 2e-3, 2e-3, 2e-3]] {
+            let said = told(heights, true).unwrap();
+            assert!(said.contains("sheet.stl") && said.contains("cartilage lies on its bone"), "{said}");
+        }
+        assert!(told([2e-3; 4], false).unwrap().contains("look into the bone"));
+    }
+}

@@ -307,3 +307,50 @@ fn course(
     }
     (frames, drive, course.run, None)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame with the patella where the coordinates say, cartilage pressed over 100 mm².
+    fn frame(patella: [f64; 6]) -> FlexionFrame {
+        let contact = Pressed { area: 1e-4, ..Pressed::default() };
+        FlexionFrame {
+            tibia: Coordinates::from_array([60.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            patella: Coordinates::from_array(patella),
+            residual: Wrench::default(),
+            contact,
+            strands: Vec::new(),
+            ways: Vec::new(),
+            muscles: None,
+            iterations: 1,
+            least_det_f: f64::INFINITY,
+        }
+    }
+
+    /// Every way in which a patella can leave its groove is told by itself, and one that follows is in it.
+    #[test]
+    fn a_patella_that_is_no_more_in_its_groove_is_told_why() {
+        let start = [45.0, 0.0, 0.0, 45.0, -15.0, 3.0];
+        let before = Coordinates::from_array(start);
+        let moved = |c: usize, by: f64| {
+            let mut at = start;
+            at[c] += by;
+            frame(at)
+        };
+        let follows = moved(0, 5.0);
+        assert_eq!(follows.dislocated(&before, 200.0, true), None);
+        let told =
+            |frame: &FlexionFrame, force, is_beside| frame.dislocated(&before, force, is_beside).unwrap();
+        assert!(told(&moved(5, 20.0), 200.0, true).contains("23.0 mm to lateral"));
+        assert!(told(&moved(1, 50.0), 200.0, true).contains("its lateral axis is 50.0 degrees off"));
+        assert!(told(&moved(0, 150.0), 200.0, true).contains("its cartilage looks away"));
+        assert!(told(&moved(0, 21.0), 200.0, true).contains("it jumps by 21.0 degrees and 0.0 mm"));
+        assert!(told(&moved(4, -21.0), 200.0, true).contains("it jumps by 0.0 degrees and 21.0 mm"));
+        assert!(told(&follows, 200.0, false).contains("not beside the knee"));
+        let free = FlexionFrame { contact: Pressed::default(), ..follows };
+        assert!(told(&free, 200.0, true).contains("nothing of its cartilage presses"));
+        // Without a force nothing has to press.
+        assert_eq!(free.dislocated(&before, 0.0, true), None);
+    }
+}
