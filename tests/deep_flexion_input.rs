@@ -101,6 +101,22 @@ impl Folder {
     }
 }
 
+/// Does something to every point of every spring, given the name of that.
+fn points_of(model: &mut Value, change: impl Fn(&str, &mut Value)) {
+    for ligament in model["ligaments"].as_array_mut().unwrap() {
+        let name = ligament["name"].as_str().unwrap().to_string();
+        ligament["points"].as_array_mut().unwrap().iter_mut().for_each(|point| change(&name, point));
+    }
+}
+
+/// A point of a spring elsewhere in the frame of its body; where it is in that of the surfaces is said no more.
+fn put(point: &mut Value, change: impl Fn(usize, f64) -> f64) {
+    point.as_object_mut().unwrap().remove("limb");
+    for c in 0..3 {
+        point["native"][c] = json!(change(c, point["native"][c].as_f64().unwrap()));
+    }
+}
+
 /// A table with another value in a cell, rows from 0, the header's.
 fn spoilt(row: usize, column: &str, value: &str) -> impl Fn(String) -> String {
     let (column, value) = (column.to_string(), value.to_string());
@@ -251,24 +267,17 @@ fn a_model_that_is_none_of_this_knee_is_refused() {
         (
             &|model| {
                 // 20 mm off, in both frames.
-                let at = spring(model, "mPFL1");
-                for point in model["ligaments"][at]["points"].as_array_mut().unwrap() {
-                    point.as_object_mut().unwrap().remove("limb");
-                    point["native"][2] = json!(point["native"][2].as_f64().unwrap() - 0.02);
-                }
+                points_of(model, |name, point| {
+                    if name == "mPFL1" {
+                        put(point, |c, at| if c == 2 { at - 0.02 } else { at });
+                    }
+                });
             },
             &["`mPFL1` ends", "mm off femur_distal_r, at most 10", "mm off patella_r, at most 10"],
         ),
         (
             &|model| {
-                for ligament in model["ligaments"].as_array_mut().unwrap() {
-                    for point in ligament["points"].as_array_mut().unwrap() {
-                        point.as_object_mut().unwrap().remove("limb");
-                        for c in 0..3 {
-                            point["native"][c] = json!(1e3 * point["native"][c].as_f64().unwrap());
-                        }
-                    }
-                }
+                points_of(model, |_, point| put(point, |_, at| 1e3 * at));
             },
             &["mm off cartilage of the tibia", "in metres"],
         ),
@@ -293,27 +302,25 @@ fn a_model_that_is_none_of_this_knee_is_refused() {
     assert!(folder.anatomy().contains("`MCLd1` has a point whose `native` is"), "{}", folder.anatomy());
     // A strand of the ligament that goes to the femur in place of the tibia, and a patella beside its groove: both at once.
     folder.model(&|model| {
-        let (ligament, collateral) = (spring(model, "PT1"), spring(model, "LCL1"));
+        let collateral = spring(model, "LCL1");
         let femur = model["ligaments"][collateral]["points"].as_array().unwrap();
         let femur = femur.iter().find(|p| p["body"] == "femur_distal_r").unwrap().clone();
-        for point in model["ligaments"][ligament]["points"].as_array_mut().unwrap() {
-            if point["body"] == "tibia_proximal_r" {
+        points_of(model, |name, point| {
+            if name == "PT1" && point["body"] == "tibia_proximal_r" {
                 *point = femur.clone();
             }
-        }
+        });
     });
     folder.table(MEASURED, &changed("patella_lateral_mm", |at| at + 30.0));
     folder.is_refused(&[&[MODEL, "no spring `PT1` from"], &[MEASURED, "line 3", "33.6 mm to lateral"]]);
     folder.table(MEASURED, &|text| text);
     // The patella under another name: no spring goes to the bone that it belongs to.
     folder.model(&|model| {
-        for ligament in model["ligaments"].as_array_mut().unwrap() {
-            for point in ligament["points"].as_array_mut().unwrap() {
-                if point["body"] == "patella_r" {
-                    point["body"] = json!("femur_r");
-                }
+        points_of(model, |_, point| {
+            if point["body"] == "patella_r" {
+                point["body"] = json!("femur_r");
             }
-        }
+        });
     });
     folder.is_refused(&[&[MODEL, "no spring", "`PT1`"]]);
 }
@@ -323,15 +330,11 @@ fn a_model_that_is_none_of_this_knee_is_refused() {
 fn a_patella_that_leaves_its_groove_is_not_solved() {
     let Some(folder) = Folder::new() else { return };
     folder.model(&|model| {
-        for ligament in model["ligaments"].as_array_mut().unwrap() {
-            let is_patellar = ligament["name"].as_str().unwrap().starts_with("PT");
-            for point in ligament["points"].as_array_mut().unwrap() {
-                if is_patellar && point["body"] == "tibia_proximal_r" {
-                    point.as_object_mut().unwrap().remove("limb");
-                    point["native"][2] = json!(point["native"][2].as_f64().unwrap() + 0.045);
-                }
+        points_of(model, |name, point| {
+            if name.starts_with("PT") && point["body"] == "tibia_proximal_r" {
+                put(point, |c, at| if c == 2 { at + 0.045 } else { at });
             }
-        }
+        });
     });
     let (code, said) = folder.said();
     assert_eq!(code, Some(3), "{said}");

@@ -153,9 +153,11 @@ impl KneeAnatomy {
         let mut body = |name: &str| wrong.keep(Surface::read_checked(&folder.join(name), LengthUnit::Metre));
         let [femur, patella] = [body(FEMUR), body(PATELLA)];
         let [femoral, patellar, medial, lateral] = sheets;
+        let [femur_tree, patella_tree] =
+            [&femur, &patella].map(|bone| bone.as_ref().map(|bone| SearchSurface::new(bone.clone())));
         let sheets = [
-            (FEMORAL_CARTILAGE, &femoral, FEMUR, &femur),
-            (PATELLAR_CARTILAGE, &patellar, PATELLA, &patella),
+            (FEMORAL_CARTILAGE, &femoral, FEMUR, &femur_tree),
+            (PATELLAR_CARTILAGE, &patellar, PATELLA, &patella_tree),
         ];
         for (name, sheet, bone_name, bone) in sheets {
             if let (Some(sheet), Some(bone)) = (sheet, bone) {
@@ -168,9 +170,9 @@ impl KneeAnatomy {
             }
         }
         if let (Some((_, springs)), Some(femur), Some(patella), Some(medial), Some(lateral)) =
-            (&model, &femur, &patella, &medial, &lateral)
+            (&model, &femur_tree, &patella_tree, &medial, &lateral)
         {
-            let joint = medial.clone().with(lateral);
+            let joint = SearchSurface::new(medial.clone().with(lateral));
             wrong.keep(end_on_bones(&file, springs, [femur, &joint, patella]));
         }
         wrong.finish()?;
@@ -210,9 +212,8 @@ impl KneeAnatomy {
 }
 
 /// Refuses cartilage that does not lie on its bone, or looks into it.
-fn lies_on(file: &Path, sheet: &Surface, bone_name: &str, bone: &Surface) -> Result<(), CouplingError> {
-    let bone = SearchSurface::new(bone.clone());
-    let bone = SignedDistance::new(&bone)?;
+fn lies_on(file: &Path, sheet: &Surface, bone_name: &str, bone: &SearchSurface) -> Result<(), CouplingError> {
+    let bone = SignedDistance::new(bone)?;
     let mut off: Vec<f64> = sheet.points.iter().map(|p| bone.at(&(*p).into()).distance).collect();
     off.sort_by(f64::total_cmp);
     let [least, half, most] = [off[0], off[off.len() / 2], off[off.len() - 1]];
@@ -238,14 +239,13 @@ fn looks_up(file: &Path, sheet: &Surface, frame: &Isometry3<f64>) -> Result<(), 
 }
 
 /// Refuses springs of which an end is off its bone: femur, cartilage of the tibia, patella.
-fn end_on_bones(file: &Path, springs: &[Spring], bones: [&Surface; 3]) -> Result<(), CouplingError> {
+fn end_on_bones(file: &Path, springs: &[Spring], bones: [&SearchSurface; 3]) -> Result<(), CouplingError> {
     let mut problems = Vec::new();
     for (bone, surface) in Bone::ALL.into_iter().zip(bones) {
         let (of, most) = match bone {
             Bone::Tibia => ("cartilage of the tibia", BELOW_JOINT),
             _ => (bone.body(), OFF_END),
         };
-        let surface = SearchSurface::new(surface.clone());
         for spring in springs {
             for (_, end) in spring.ends.iter().filter(|end| end.0 == bone) {
                 let off = surface.nearest(&end.coords).map_or(f64::INFINITY, |at| at.0.distance);
@@ -405,7 +405,9 @@ mod tests {
         let points = places.iter().zip(heights).map(|(p, h)| [p[0], p[1], 0.05 + h]).collect();
         let triangles = if upward { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] };
         let sheet = Surface { points, triangles };
-        lies_on("sheet.stl".as_ref(), &sheet, "bone.stl", &cube).err().map(|e| e.to_string())
+        lies_on("sheet.stl".as_ref(), &sheet, "bone.stl", &SearchSurface::new(cube))
+            .err()
+            .map(|e| e.to_string())
     }
 
     #[test]

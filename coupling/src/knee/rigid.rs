@@ -380,8 +380,11 @@ impl RigidKnee {
         }
         let lifted =
             lifted(&solid, &patellar, &reference.patella).map_err(|why| wrong.push(KneeError::NoGroove(why)));
-        let shaft = Shaft::of(&bone.points, SHAFT).ok_or(()).map_err(|()| wrong.push(KneeError::NoShaft));
-        let (Ok(lifted), Ok(shaft), true) = (lifted, shaft, wrong.is_empty()) else {
+        let shaft = Shaft::of(&bone.points, SHAFT);
+        if shaft.is_none() {
+            wrong.push(KneeError::NoShaft);
+        }
+        let (Ok(lifted), Some(shaft), true) = (lifted, shaft, wrong.is_empty()) else {
             return Err(KneeError::Several(wrong));
         };
         let lift = Translation3::new(lifted, 0.0, 0.0);
