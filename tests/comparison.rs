@@ -263,7 +263,8 @@ fn a_plan_counts_on_a_draft_what_the_mesh_will_have() {
     let scene = "muscles = [\"vastus_lateralis\", \"vastus_intermedius\", \"rectus_femoris\", \"gluteus_medius\", \"gracilis\"]\n\
                  resolution_mm = 16.0\n";
     let prepared = Prepared::new(parse(scene).unwrap(), None, &mut |_| ()).unwrap();
-    let thigh = Sized::new(parse(scene).unwrap(), None).unwrap().draft().unwrap();
+    let sized = Sized::new(parse(scene).unwrap(), None).unwrap();
+    let thigh = sized.draft().unwrap();
     let draft = Work::of_draft(&prepared.scene, &thigh, PerConfiguration::of(|_| true));
     for (c, draft) in draft.iter() {
         let draft = draft.unwrap();
@@ -279,10 +280,30 @@ fn a_plan_counts_on_a_draft_what_the_mesh_will_have() {
         }
         assert!((draft.operations / mesh.operations - 1.0).abs() < 0.05);
     }
-    let elements =
-        |thigh: &Thigh| Expected::of(&prepared.scene, thigh, PerConfiguration::default(), None).elements;
+    let demand = sized.demand();
+    let elements = |thigh: &Thigh| {
+        Expected::of(&prepared.scene, thigh, PerConfiguration::default(), demand, None).elements
+    };
     assert_eq!(elements(&thigh), elements(&prepared.thigh));
     assert_eq!(thigh.tendons.len(), 3);
+    assert_eq!(demand.bone_triangles, 516 + 136 + 520 + 116);
+}
+
+/// A step soon after another is less work, and the same instant bent otherwise is not.
+#[test]
+fn frames_count_by_how_far_they_are() {
+    let frames = |steps: &str| {
+        let scene = parse(&format!("trial = \"walker\"\nmuscles = \"none\"\n{steps}")).unwrap();
+        Sized::new(scene, None).unwrap().demand().frames
+    };
+    let [heel_strike, loading_response, cycle_5] =
+        ["heel_strike", "loading_response", "cycle_5"].map(|name| format!("[[step]]\nname = \"{name}\"\n"));
+    assert_eq!(frames(&heel_strike), 1.0);
+    assert_eq!(frames(&(heel_strike.clone() + &loading_response)), 2.0);
+    let soon = frames(&(heel_strike.clone() + &cycle_5));
+    assert!((1.3..1.6).contains(&soon), "{soon}");
+    let bent = "[[step]]\nname = \"heel_strike\"\nknee_flexion_deg = 60\n";
+    assert_eq!(frames(&(heel_strike + bent)), 2.0);
 }
 
 #[test]

@@ -12,21 +12,32 @@ use crate::comparison::{STAGES, Sized, coarse_stages};
 use crate::configuration::{Configuration, PerConfiguration};
 use crate::error::CouplingError;
 use crate::scene::{Fibres, Scene};
+use crate::steps::RigidStep;
 use crate::thigh::build::Thigh;
 
-/// Newton iterations of a muscle in one frame, and of the whole thigh in contact: measured with the built-in walker at 12 and 6 mm, muscles spread fivefold.
-const ITERATIONS: PerConfiguration<f64> = PerConfiguration { without: 35.0, with: 22.0 };
-/// The same without contact where a coarser mesh shows the way, as much fewer as the walker takes less time with 6 mm after 12 mm.
-const LED_ITERATIONS: f64 = 14.0;
-/// Newton iterations of a muscle in its calibration, both solutions together; the Hessian is often indefinite there, and counts twice.
-const CALIBRATION: f64 = 31.0;
+/// Newton iterations without contact of a muscle, per metre of its length, in a frame that is some way from the one before: long straps wrinkle most. As counted
+/// at 12 mm on the walker, without and with fibres: glutei of 0.2 m take 9 and sartorius of 0.5 m takes 45 with them.
+const ITERATIONS: f64 = 42.0;
+const ITERATIONS_WITH_FIBRES: f64 = 74.0;
+/// Time since the frame before up to which iterations grow in proportion \[s\]: `walker_cycle` takes 13 a frame after 0.06 s, the walker 31 after
+/// 0.15 s.
+const SOON: f64 = 0.14;
+/// The share of them that is left where a coarser mesh shows the way, as counted on the walker at 6 mm after 12 mm.
+const LED: f64 = 0.4;
+/// Newton iterations in contact of all muscles together, which take as many as the slowest. Where numbers of single muscles scatter as times of waiting do
+/// that is the mean times 1 + 1/2 + ... + 1/n: 22 of three, 29 of 17 muscles were counted with the walker, 31 to 45 with other scenes.
+const ITERATIONS_IN_CONTACT: f64 = 10.0;
+/// Newton iterations of a muscle in its calibration, both solutions together, per metre of its length.
+const CALIBRATION: f64 = 58.0;
+/// Factorizations per iteration: the Hessian is indefinite now and then.
+const FACTORIZATIONS: f64 = 1.1;
 /// Floating-point operations of a factorization per second and core, as measured.
 const FLOPS: f64 = 2e10;
-/// Seconds of one core per element and iteration for assembly and line search, as measured; contact looks at surfaces too.
-const ASSEMBLY: PerConfiguration<f64> = PerConfiguration { without: 2.5e-5, with: 1e-4 };
+/// Seconds of one core per iteration for all else: without contact per element, with it per element and triangle of a bone, as measured.
+const ASSEMBLY: PerConfiguration<f64> = PerConfiguration { without: 3.4e-5, with: 6e-5 };
 /// Seconds of the rigid leg, and of one core per element for meshing, as measured.
-const RIGID_LEG: f64 = 0.05;
-const MESHING: f64 = 7.5e-4;
+const RIGID_LEG: f64 = 0.03;
+const MESHING: f64 = 6.5e-4;
 /// Memory beside matrix and factors of the bodies alone, as measured \[bytes per element\]: without contact, and with it, whose pairs
 /// join the factors.
 const MEMORY: PerConfiguration<f64> = PerConfiguration { without: 6e3, with: 2.8e4 };
@@ -34,7 +45,7 @@ const MEMORY: PerConfiguration<f64> = PerConfiguration { without: 6e3, with: 2.8
 const PROGRAM: f64 = 4e7;
 
 /// [Seconds of an iteration](super::speed::iteration_seconds) on the machine on which all these were measured.
-const ITERATION: f64 = 0.097;
+const ITERATION: f64 = 0.053;
 
 /// What a scene is expected to take.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +62,15 @@ pub struct Expected {
     pub memory_mib: f64,
 }
 
+/// What a scene asks for beside the thigh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand {
+    /// Frames, as many that are far from the one before as they are worth: one soon after another takes fewer iterations.
+    pub frames: f64,
+    /// Triangles of the bones, which contact looks at.
+    pub bone_triangles: usize,
+}
+
 /// A stage that solves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
@@ -65,22 +85,25 @@ pub struct Stage {
 }
 
 impl Expected {
-    /// Of a scene whose thigh takes so much in the configurations that are asked for. `iteration`: [seconds of an
-    /// iteration](super::speed::iteration_seconds) here; `None`: as on the machine on which the constants were measured.
+    /// Of a scene whose thigh takes so much in the configurations that are asked for. `iteration`: [seconds of an iteration](super::speed::iteration_seconds) here; `None`: as on the machine on which the constants were measured.
     pub fn of(
         scene: &Scene,
         thigh: &Thigh,
         works: PerConfiguration<Option<Work>>,
+        demand: Demand,
         iteration: Option<f64>,
     ) -> Expected {
         let slower = iteration.map_or(1.0, |s| s / ITERATION);
         let solid = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid());
         let elements: usize = solid.map(|b| b.n_cells()).sum();
         let threads = rayon::current_num_threads() as f64;
+        let touching = PerConfiguration { without: elements, with: elements + demand.bone_triangles };
         let stage = |name: &str, work: Work, c: Configuration, iterations: f64| Stage {
             name: name.to_string(),
             work,
-            seconds: slower * (work.operations / FLOPS + ASSEMBLY[c] * elements as f64) * iterations
+            seconds: slower
+                * (FACTORIZATIONS * work.operations / FLOPS + ASSEMBLY[c] * touching[c] as f64)
+                * iterations
                 / threads,
             // Factors in single precision; the matrix twice, in double.
             memory_mib: (PROGRAM
@@ -89,16 +112,21 @@ impl Expected {
                 + 2.0 * 72.0 * work.blocks as f64)
                 / f64::from(1 << 20),
         };
+        let length = mean_length(thigh);
         let mut stages = Vec::new();
         let any = works.present().map(|(_, work)| *work).next();
         stages.extend(
             any.filter(|_| scene.fibres != Fibres::None)
-                .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION)),
+                .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION * length)),
         );
         for (c, work) in works.present() {
-            let is_led = !scene.coarser(c).is_empty();
-            let iterations = if is_led { LED_ITERATIONS } else { ITERATIONS[c] } * scene.steps.len() as f64;
-            stages.push(stage(c.name(), *work, c, iterations));
+            let led = if scene.coarser(c).is_empty() { 1.0 } else { LED };
+            let iterations = match (c, scene.fibres) {
+                (Configuration::WithContact, _) => ITERATIONS_IN_CONTACT * harmonic(thigh.muscles.len()),
+                (Configuration::WithoutContact, Fibres::None) => ITERATIONS * length,
+                (Configuration::WithoutContact, _) => ITERATIONS_WITH_FIBRES * length,
+            };
+            stages.push(stage(c.name(), *work, c, led * iterations * demand.frames));
         }
         Expected {
             elements,
@@ -115,9 +143,10 @@ impl Expected {
         scene: &Scene,
         thigh: &Thigh,
         works: PerConfiguration<Option<Work>>,
+        demand: Demand,
         iteration: Option<f64>,
     ) -> Expected {
-        let counted = Expected::of(scene, thigh, works, iteration);
+        let counted = Expected::of(scene, thigh, works, demand, iteration);
         let of = |name: &str| counted.stages.iter().find(|stage| stage.name == name).cloned();
         let stages = self.stages.into_iter().map(|stage| of(&stage.name).unwrap_or(stage)).collect();
         Expected { stages, ..counted }
@@ -157,7 +186,41 @@ impl Expected {
     }
 }
 
+/// How long the regions of solids are \[m\], diagonals of their boxes: the mean over all elements.
+fn mean_length(thigh: &Thigh) -> f64 {
+    let (mut sum, mut elements) = (0.0, 0);
+    for block in thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()) {
+        let places = || block.nodes.iter().map(|&n| thigh.mesh.points[n as usize]);
+        let width = |c: usize| {
+            let along = || places().map(|p| p[c]);
+            along().fold(f64::MIN, f64::max) - along().fold(f64::MAX, f64::min)
+        };
+        sum += (0..3).map(|c| width(c).powi(2)).sum::<f64>().sqrt() * block.n_cells() as f64;
+        elements += block.n_cells();
+    }
+    if elements > 0 { sum / elements as f64 } else { 0.0 }
+}
+
+/// 1 + 1/2 + ... + 1/n.
+fn harmonic(n: usize) -> f64 {
+    (1..=n).map(|k| 1.0 / k as f64).sum()
+}
+
 impl Sized {
+    /// What a scene asks for beside the thigh.
+    pub fn demand(&self) -> Demand {
+        let soon = |pair: &[RigidStep]| match pair[1].time - pair[0].time {
+            // The same instant bent otherwise, or back in time.
+            since if since <= 0.0 => 1.0,
+            since => (since / SOON).min(1.0),
+        };
+        let bones = self.limb.iter().flat_map(|limb| &limb.bones);
+        Demand {
+            frames: 1.0 + self.steps.windows(2).map(soon).sum::<f64>(),
+            bone_triangles: bones.map(|bone| bone.surface.triangles.len()).sum(),
+        }
+    }
+
     /// What the scene is expected to take, counted on drafts of its meshes, and the draft of its own. `iteration`: as in [`Expected::of`].
     pub fn expected(
         &self,
@@ -166,7 +229,7 @@ impl Sized {
     ) -> Result<(Thigh, Expected), CouplingError> {
         let thigh = self.draft()?;
         let of = |scene: &Scene, thigh: &Thigh| {
-            Expected::of(scene, thigh, Work::of_draft(scene, thigh, asked), iteration)
+            Expected::of(scene, thigh, Work::of_draft(scene, thigh, asked), self.demand(), iteration)
         };
         let mut expected = of(&self.scene, &thigh);
         for c in Configuration::ALL.into_iter().filter(|c| asked[*c]) {

@@ -116,7 +116,7 @@ impl Drop for Progress {
     }
 }
 
-/// Time left in words: right to a factor of three, so with few digits.
+/// Time left in words: right to a factor of 1.5 at best, so with few digits.
 fn words(seconds: f64) -> String {
     match seconds {
         s if s < 10.0 => "less than 10 s left".to_string(),
