@@ -72,8 +72,8 @@ fn every_key_is_heard() {
 fn what_cannot_be_meant_is_refused_with_line_value_and_remedy() {
     for (scene, wanted) in [
         ("resolutoin_mm = 6.0", &["line 1", "`resolutoin_mm`", "`resolution_mm`"][..]),
-        ("\n\nresolution_mm = 60.0", &["line 3", "60", "3 to 20 mm"]),
-        ("resolution_mm = nan", &["line 1", "NaN", "3 to 20 mm"]),
+        ("\n\nresolution_mm = 60.0", &["line 3", "60", "2.5 to 20 mm"]),
+        ("resolution_mm = nan", &["line 1", "NaN", "2.5 to 20 mm"]),
         ("inset_mm = 7.5", &["line 1", "inset_mm", "7.5", "0 to 5 mm"]),
         ("resolution_mm = \"fine\"", &["line 1", "a number"]),
         (

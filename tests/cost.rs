@@ -348,7 +348,7 @@ fn a_value_that_no_scene_takes_is_refused_before_anything_runs() {
     let bad = sartorius(&["cost", "my.toml"], folder.path());
     let said = String::from_utf8_lossy(&bad.stderr).into_owned();
     assert_eq!(bad.status.code(), Some(2), "{said}");
-    assert!(["line 6", "`resolution_mm` is 200", "3 to 20"].iter().all(|w| said.contains(w)), "{said}");
+    assert!(["line 6", "`resolution_mm` is 200", "2.5 to 20"].iter().all(|w| said.contains(w)), "{said}");
     assert!(!folder.path().join("out").exists());
 }
 

@@ -387,6 +387,7 @@ fn a_force_length_law_meets_its_samples_and_never_pushes() {
     };
     let (low, high) = (row(0.0), row(1.0));
     let law = ForceLength::new(stretch.clone(), vec![0.0, 1.0], &[low.clone(), high.clone()]);
+    assert!(law.at(f64::NAN, 0.5).energy.is_nan(), "no length, no energy");
     for k in 0..12 {
         assert!((law.at(stretch[k], 0.0).stress - low[k]).abs() < 1e-14);
         assert!((law.at(stretch[k], 1.0).stress - high[k]).abs() < 1e-14);

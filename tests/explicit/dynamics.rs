@@ -238,6 +238,41 @@ fn ten_times_the_time_step_changes_settled_forces_little_and_a_hundred_times_is_
     assert!(warning.contains("time_step_factor"), "{warning}");
 }
 
+/// A bar whose fibres get stiffer the farther they are drawn, is drawn within `time` \[s\], with time steps ten times as long as it bears.
+fn drawn(time: f64) -> Run {
+    let (mut scene, mesh) = muscle();
+    let stretch = [0.5, 1.0, 1.05, 1.1, 1.15, 1.2, 1.5];
+    scene.fibres[0].law = FibreLawSpec::ForceLength {
+        stretch: stretch.to_vec(),
+        activation: vec![0.0],
+        stress: vec![stretch.map(|l: f64| 2e7 * (l - 1.0).max(0.0).powi(2)).to_vec()],
+    };
+    scene.fibres[0].activation = None;
+    let end = &mut scene.prescribed[1];
+    (end.displacement, end.control) = (vec![[0.0, 0.0, 0.02]], Some("a".into()));
+    let plan = Plan::new(&scene, mesh).expect("a scene");
+    let settings = Settings { time_step_factor: 10.0, damping: 60.0, ..settings() };
+    run(&plan, &timed(&plan, time, 1, |_| vec![("a", 1.0)]), &settings, None, &mut |_| {})
+}
+
+#[test]
+fn added_mass_keeps_up_with_what_gets_stiffer() {
+    let out = drawn(0.2);
+    let motions = motions(&out);
+    println!("{motions:?} {:?}", out.errors);
+    assert!(out.is_solved() && motions[0].added_mass > 0.0);
+    balances(&motions);
+}
+
+/// In a jerk nothing keeps up: what blows up ends in words.
+#[test]
+fn a_motion_that_blows_up_ends_in_words() {
+    match &drawn(1e-3).errors[..] {
+        [SolveError::NotConverged(stop)] => println!("{stop:?}"),
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
 fn rest_without_inertia_is_refused_in_words() {
     let (mut scene, mesh) = muscle();

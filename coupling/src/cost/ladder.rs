@@ -442,7 +442,7 @@ mod tests {
         let all: Vec<String> = all.iter().map(InputError::to_string).collect();
         assert_eq!(all.len(), 3, "{all:#?}");
         for (said, words) in all.iter().zip([
-            ["line 6", "`resolution_mm` is 90", "3 to 20 mm"],
+            ["line 6", "`resolution_mm` is 90", "2.5 to 20 mm"],
             ["line 11", "`resolution`", "did you mean `resolution_mm`"],
             ["line 14", "`effects.contract`", "did you mean `effects.contact`"],
         ]) {

@@ -31,7 +31,7 @@ use fidelity::{Fidelity, FidelityEntry};
 use materials::{Materials, MaterialsEntry};
 
 /// Target edge lengths that are meshed \[mm\].
-pub const RESOLUTIONS: RangeInclusive<f64> = 3.0..=20.0;
+pub const RESOLUTIONS: RangeInclusive<f64> = 2.5..=20.0;
 /// How far muscles can be inset \[mm\]; at least a third of the thickness and width of every muscle is left.
 const INSETS: RangeInclusive<f64> = 0.0..=5.0;
 /// Activation distances of contact \[mm\]: the least is ten times the round-off of collision detection on the thigh, the greatest a fifth of the

@@ -456,7 +456,7 @@ mod tests {
     fn values_that_no_run_could_take_are_refused_before_anything_runs() {
         let scene = "run = \"compare\"\nscene = \"three_muscles\"\n\n[[vary]]\nkey = \"scene.resolution_mm\"\ndistribution = \"uniform\"\nlow = 1.0\nhigh = 12.0\n";
         let said = parse(scene).unwrap_err().to_string();
-        assert!(said.contains("3 to 20 mm") && said.contains("line 5"), "{said}");
+        assert!(said.contains("2.5 to 20 mm") && said.contains("line 5"), "{said}");
         let said = parse(&TEXT.replace("\"activation\" }", "\"activations\" }")).unwrap_err().to_string();
         assert!(said.contains("\"force\" or \"activation\""), "{said}");
         let said = parse(

@@ -55,7 +55,8 @@ impl ForceLength {
     fn row(&self, row: usize, lambda: f64) -> FibreStress {
         let (x, row) = (&self.stretch, &self.rows[row]);
         let last = x.len() - 1;
-        if lambda <= x[0] {
+        // What has no length has no energy either: NaN goes this way.
+        if !(lambda > x[0]) {
             let stress = row[0][0];
             return FibreStress { energy: stress * (lambda - x[0]), stress, slope: 0.0 };
         }
