@@ -85,7 +85,9 @@ pub struct Stage {
 }
 
 impl Expected {
-    /// Of a scene whose thigh takes so much in the configurations that are asked for. `iteration`: [seconds of an iteration](super::speed::iteration_seconds) here; `None`: as on the machine on which the constants were measured.
+    /// Of a scene whose thigh takes so much in the configurations that are asked for. `demand`: what it [asks for beside that](Sized::demand).
+    /// `iteration`: [seconds of an iteration](super::speed::iteration_seconds) here; `None`: as on the machine on which the constants were
+    /// measured.
     pub fn of(
         scene: &Scene,
         thigh: &Thigh,

@@ -157,11 +157,7 @@ impl Dynamics {
             }
             if motion.steps - renewed >= after {
                 renewed = motion.steps;
-                motion.kinetic_before -= 0.5 * masses.square(v);
-                (h, masses) =
-                    scale.renew(potential, x, given, factor).map_err(|reason| (reason, motion.steps))?;
-                motion.kinetic_before += 0.5 * masses.square(v);
-                motion.added_mass = motion.added_mass.max(masses.added);
+                (h, masses) = scale.renew_moving(potential, x, given, factor, v, &masses, &mut motion)?;
             }
             // Equal steps to the end.
             let left = duration - time;
@@ -224,11 +220,7 @@ impl Dynamics {
             if quotient > STABLE {
                 renewed = motion.steps;
                 scale.vector.copy_from_slice(&dx);
-                motion.kinetic_before -= 0.5 * masses.square(v);
-                (h, masses) =
-                    scale.renew(potential, x, given, factor).map_err(|reason| (reason, motion.steps))?;
-                motion.kinetic_before += 0.5 * masses.square(v);
-                motion.added_mass = motion.added_mass.max(masses.added);
+                (h, masses) = scale.renew_moving(potential, x, given, factor, v, &masses, &mut motion)?;
             }
             if drives {
                 // The work that belongs to central differences: what the potential gains by the load alone, mean of before and after.
@@ -291,6 +283,25 @@ struct Scale {
 }
 
 impl Scale {
+    /// The same as [`renew`](Scale::renew) on the way, at velocities `v`: what mass that comes or goes brings is told in `motion`. `before`: the
+    /// masses so far.
+    fn renew_moving(
+        &mut self,
+        potential: &dyn Loading,
+        x: &[f64],
+        given: &[f64],
+        factor: f64,
+        v: &[f64],
+        before: &Masses,
+        motion: &mut Motion,
+    ) -> Result<(f64, Masses), (Reason, usize)> {
+        let (h, masses) = self.renew(potential, x, given, factor).map_err(|reason| (reason, motion.steps))?;
+        motion.kinetic_before -= 0.5 * before.square(v);
+        motion.kinetic_before += 0.5 * masses.square(v);
+        motion.added_mass = motion.added_mass.max(masses.added);
+        Ok((h, masses))
+    }
+
     /// Time step and masses at `x`: with `factor` times the step that the `given` masses bear, they are as much larger as it takes. A motion that has
     /// blown up has no stiffness.
     fn renew(
