@@ -16,6 +16,8 @@ use fem::plan::{LoadedIsland, Plan};
 use fem::run::{DriveFrame, Frame, Run, Session, run};
 use fem::scene::InertiaSpec;
 use fem::solve::{Loading, Method, Potential, Settings};
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 
 /// Rate at which velocities fade \[1/s\]: about twice the circular frequency of a muscle of 0.4 m that swings across itself, whose shear waves run at
 /// some 3 m/s, so that the slowest motion comes to rest soonest.
@@ -24,10 +26,9 @@ const DAMPING: f64 = 40.0;
 const ON_THE_WAY: f64 = 0.2;
 
 fn main() {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    let targets = std::env::var("RUST_LOG").unwrap_or("error".into()).parse::<Targets>().expect("RUST_LOG");
+    let layer = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    tracing_subscriber::registry().with(targets).with(layer).init();
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |text: &String| text.parse::<f64>().expect("a number");
     let scene = arguments.first().map_or("walker_no_contact", String::as_str);

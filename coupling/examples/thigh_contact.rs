@@ -29,6 +29,8 @@ use fem::scene::PrescribedSpec;
 use fem::solve::{Advance, Settings};
 use multibody::model::{Ankle, Model};
 use multibody::walker::{Knee, walker};
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 
 /// Residual \[N\], that of `compare` with contact.
 const RESIDUAL: f64 = 10.0;
@@ -48,10 +50,9 @@ struct Goal {
 }
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    let targets = std::env::var("RUST_LOG").unwrap_or("error".into()).parse::<Targets>().expect("RUST_LOG");
+    let layer = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    tracing_subscriber::registry().with(targets).with(layer).init();
     let argument = |i: usize| std::env::args().nth(i);
     let edge = 1e-3 * argument(1).map_or(6.0, |a| a.parse().expect("edge length in mm"));
     let case = argument(2).unwrap_or("all".into());

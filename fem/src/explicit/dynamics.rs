@@ -2,10 +2,11 @@
 //!
 //! v ← v − ½ h M⁻¹ g(x),  x ← x + h v,  v ← v − ½ h M⁻¹ g(x): second order, momentum to round-off, stable for h ω ≤ 2. Masses are lumped; with a
 //! longer step than the material bears, nodes weigh more where and along what they must ([`masses`](super::masses)): a tendon, and not the
-//! muscle behind it.
+//! muscle behind it. Steps count where the masses were enough at their end, too: else they are taken back, and tried anew with what would have been
+//! enough, fewer at a time.
 //! Belytschko, Liu, Moran & Elkhodary, Nonlinear Finite Elements for Continua and Structures, 2nd ed., §6.2.
 
-use super::masses::{Bound, MARGIN, Masses, dot, dot_difference, largest};
+use super::masses::{Bound, MARGIN, Masses, POWERS, dot, dot_difference, largest};
 use crate::solve::{Advance, Iteration, Loading, Motion, NotConverged, Reason, Settings, SolveError};
 use std::time::Instant;
 
@@ -18,6 +19,8 @@ const RENEW_ADDED: usize = 25;
 /// Factor on added mass above what is just stable, 1/0.67²: steps of two thirds of the longest, as is usual where much happens (LS-DYNA Keyword User's
 /// Manual, TSSFAC). Without it a bar of tissue that is drawn by a fifth blows up at 10 times its step, however often it is looked at.
 const ROOM: f64 = 2.2;
+/// Times in a row that steps are taken back and tried anew: from [`RENEW`] steps to one, and each one with more mass some ten times.
+const MAX_REPEATS: usize = 20;
 /// Steps from one look at the kinetic energy to the next.
 const SAMPLE: usize = 5;
 /// Quotient h²ω² of a step beyond which it is near the end of the stable ones, 4.
@@ -120,141 +123,230 @@ impl Dynamics {
         moving: &mut Moving,
         report: &mut Advance,
     ) -> Result<Motion, (Reason, usize)> {
-        let n = x.len();
         let fixed = potential.fixed().to_vec();
-        let is_fixed = |i: usize| fixed.get(i) == Some(&true);
+        let is_fixed: Vec<bool> = (0..x.len()).map(|i| fixed.get(i) == Some(&true)).collect();
         let Moving { masses: given, v, duration } = moving;
-        v.iter_mut().enumerate().filter(|(i, _)| is_fixed(*i)).for_each(|(_, v)| *v = 0.0);
-        if let Some(i) = (0..n).find(|&i| !is_fixed(i) && !(given[i] > 0.0)) {
+        v.iter_mut().zip(&is_fixed).filter(|(_, fixed)| **fixed).for_each(|(v, _)| *v = 0.0);
+        if let Some(i) = (0..x.len()).find(|&i| !is_fixed[i] && !(given[i] > 0.0)) {
             return Err((Reason::NoMass { node: potential.node_name(i / 3) }, 0));
         }
-        let (duration, alpha) = (*duration, self.settings.damping);
-        let mut motion =
-            Motion { time_step: f64::INFINITY, mass: given.iter().sum::<f64>() / 3.0, ..Motion::default() };
-        let mut scale = Scale::default();
-        let factor = self.settings.time_step_factor;
-        let after = if factor > 1.0 { RENEW_ADDED } else { RENEW };
-        let (mut h, mut masses) = scale.renew(potential, x, given, factor).map_err(|reason| (reason, 0))?;
-        motion.natural_step = scale.natural;
-        motion.added_mass = masses.added;
-        let (mut g, mut old) = (vec![0.0; n], vec![0.0; n]);
-        let (mut before, mut dx) = (vec![0.0; n], vec![0.0; n]);
+        let (duration, factor) = (*duration, self.settings.time_step_factor);
+        let mut looks = Looks { given, factor, natural: 0.0, bound: Bound::default(), vector: Vec::new() };
+        let stride = looks.first(potential, x).map_err(|reason| (reason, 0))?;
         potential.renew(x);
+        let mut g = vec![0.0; x.len()];
         potential.gradient(x, &mut g);
-        motion.kinetic_before = 0.5 * masses.square(v);
-        motion.largest_kinetic = motion.kinetic_before;
-        let mut energy = potential.energy(x);
-        let (first, drives) = (energy, is_driven(potential, x, &g));
-        // a − α v at a step, whose square h²/8 times over is what central differences keep less than ½ v·Mv.
-        let lag = |masses: &Masses, g: &[f64], v: &[f64], h: f64| {
-            let square = masses.inverse_square(g) + alpha * (2.0 * dot(g, v) + alpha * masses.square(v));
-            0.125 * h * h * square
+        let energy = potential.energy(x);
+        let kinetic = 0.5 * stride.masses.square(v);
+        let motion = Motion {
+            time_step: f64::INFINITY,
+            natural_step: looks.natural,
+            mass: given.iter().sum::<f64>() / 3.0,
+            added_mass: stride.masses.added,
+            kinetic_before: kinetic,
+            largest_kinetic: kinetic,
+            ..Motion::default()
         };
-        let (mut time, mut renewed) = (0.0, 0);
-        while time < duration {
-            if motion.steps >= self.settings.max_steps {
-                return Err((Reason::NotSettled { steps: motion.steps }, motion.steps));
-            }
-            if motion.steps - renewed >= after {
-                renewed = motion.steps;
-                (h, masses) = scale.renew_moving(potential, x, given, factor, v, &masses, &mut motion)?;
-            }
-            // Equal steps to the end.
-            let left = duration - time;
-            let mut length = left / (left / h * (1.0 - 1e-12)).ceil().max(1.0);
-            before.copy_from_slice(x);
-            let places = potential.touching(x);
-            let kick = |v: &mut [f64], g: &[f64], length: f64| {
-                let mut a = g.to_vec();
-                masses.answer_in_place(&mut a);
-                v.iter_mut().zip(&a).for_each(|(v, a)| *v -= 0.5 * length * (a + alpha * *v));
-            };
-            let start = v.clone();
-            let damped = masses.square(v);
-            loop {
-                kick(v, &g, length);
-                for i in 0..n {
-                    x[i] = before[i] + length * v[i];
-                }
-                let reached = if length >= left { 1.0 } else { (time + length) / duration };
-                potential.set_load(reached, x);
-                let free = if places.is_empty() { 1.0 } else { potential.collision_free_step(&places, x) };
-                if free >= 1.0 {
-                    break;
-                }
-                report.retries += 1;
-                v.copy_from_slice(&start);
-                x.copy_from_slice(&before);
-                potential.set_load(time / duration, x);
-                length *= (SHORT_OF * free).max(1e-3);
-                if length < LEAST_STEP * duration {
-                    return Err((Reason::Touch, motion.steps));
-                }
-            }
-            let since = time;
-            time = if length >= left { duration } else { time + length };
-            motion.steps += 1;
-            if time < duration {
-                motion.time_step = motion.time_step.min(length);
-            }
-            for i in 0..n {
-                dx[i] = if is_fixed(i) { 0.0 } else { x[i] - before[i] };
-            }
-            std::mem::swap(&mut g, &mut old);
-            potential.renew(x);
-            potential.gradient(x, &mut g);
-            // The second half: v = v½ − ½ h (M⁻¹ g + α v).
-            let mut a = g.clone();
-            masses.answer_in_place(&mut a);
-            v.iter_mut()
-                .zip(&a)
-                .for_each(|(v, a)| *v = (*v - 0.5 * length * a) / (1.0 + 0.5 * length * alpha));
-            motion.dissipated += 0.5 * length * alpha * (damped + masses.square(v));
-            motion.lag += lag(&masses, &g, v, length) - lag(&masses, &old, &start, length);
-            let square = masses.square(&dx);
-            let quotient =
-                if square > 0.0 { length * length * dot_difference(&dx, &g, &old) / square } else { 0.0 };
-            if !quotient.is_finite() {
-                return Err((Reason::Inversion, motion.steps));
-            }
-            if quotient > STABLE {
-                renewed = motion.steps;
-                scale.vector.copy_from_slice(&dx);
-                (h, masses) = scale.renew_moving(potential, x, given, factor, v, &masses, &mut motion)?;
-            }
-            if drives {
-                // The work that belongs to central differences: what the potential gains by the load alone, mean of before and after.
-                let at = |potential: &mut dyn Loading, x: &[f64], time: f64| {
-                    let mut x = x.to_vec();
-                    potential.set_load(if time >= duration { 1.0 } else { time / duration }, &mut x);
-                    potential.energy(&x)
-                };
-                let ahead = at(potential, &before, time);
-                let behind = at(potential, x, since);
-                let now = at(potential, x, time);
-                motion.work += 0.5 * (ahead - energy + now - behind);
-                energy = now;
-            }
-            if motion.steps.is_multiple_of(SAMPLE) {
-                let (all, own) =
-                    (masses.square(v), v.iter().zip(given.iter()).map(|(v, m)| m * v * v).sum::<f64>());
-                motion.largest_kinetic = motion.largest_kinetic.max(0.5 * all);
-                motion.added_kinetic = motion.added_kinetic.max(0.5 * (all - own));
-            }
-        }
+        let drives = is_driven(potential, x, &g);
+        let mut course =
+            Course { potential, given, is_fixed, duration, alpha: self.settings.damping, drives, retries: 0 };
+        let mut at = State { x: x.to_vec(), v: v.clone(), g, energy, time: 0.0, motion };
+        let outcome = self.travel(&mut course, &mut looks, &mut at, stride);
+        report.retries += course.retries;
+        x.copy_from_slice(&at.x);
+        let (stride, round_off) = outcome.map_err(|reason| (reason, at.motion.taken()))?;
         let (det_f, _) = potential.least_det_f(x);
         if !(det_f > 0.0) {
-            return Err((Reason::Inverted, motion.steps));
+            return Err((Reason::Inverted, at.motion.taken()));
         }
+        v.copy_from_slice(&at.v);
+        let mut motion = at.motion;
         motion.time_step = motion.time_step.min(duration);
-        motion.kinetic = 0.5 * masses.square(v);
+        motion.kinetic = 0.5 * stride.masses.square(v);
         motion.largest_kinetic = motion.largest_kinetic.max(motion.kinetic);
-        motion.stored = potential.energy(x) - first;
-        let (missing, allowed) = (motion.missing(), IMBALANCE * motion.in_play() + scale.round_off);
+        motion.stored = potential.energy(x) - energy;
+        let (missing, allowed) = (motion.missing(), IMBALANCE * motion.in_play() + round_off);
         if !(missing.abs() <= allowed) {
-            return Err((Reason::Imbalance { missing, in_play: motion.in_play() }, motion.steps));
+            let reason = Reason::Imbalance { missing, in_play: motion.in_play() };
+            return Err((reason, motion.taken()));
         }
         Ok(motion)
+    }
+
+    /// Steps to the end of the frame, a block at a time; returns the last [`Stride`], and the energy \[J\] that round-off can make on the way.
+    fn travel(
+        &self,
+        course: &mut Course,
+        looks: &mut Looks,
+        at: &mut State,
+        mut stride: Stride,
+    ) -> Result<(Stride, f64), Reason> {
+        let longest = if looks.factor > 1.0 { RENEW_ADDED } else { RENEW };
+        let (mut block, mut repeats, mut round_off) = (longest, 0, stride.round_off(&at.x));
+        let mut kept = at.clone();
+        loop {
+            let until = at.motion.steps + block;
+            let mut borne = true;
+            while borne && at.time < course.duration && at.motion.steps < until {
+                if at.motion.taken() >= self.settings.max_steps {
+                    return Err(Reason::NotSettled { steps: at.motion.taken() });
+                }
+                borne = course.step(at, &stride)? <= STABLE;
+            }
+            if !borne {
+                looks.stiffest(&kept.x, &at.x, &course.is_fixed);
+            }
+            let look = looks.again(course.potential, &at.x, &stride);
+            let is_borne = matches!(look, Look::Borne(_));
+            let next = match look {
+                Look::Borne(next) | Look::TooStiff(next) => next,
+                Look::BlownUp => stride.clone(),
+            };
+            if is_borne {
+                round_off = round_off.max(stride.round_off(&at.x));
+                if at.time >= course.duration {
+                    return Ok((stride, round_off));
+                }
+                (block, repeats) = ((2 * block).min(longest), 0);
+            } else {
+                if repeats == MAX_REPEATS {
+                    return Err(Reason::BlowsUp);
+                }
+                (block, repeats) = ((block / 2).max(1), repeats + 1);
+                let taken = at.motion.taken();
+                at.clone_from(&kept);
+                at.motion.repeated = taken - at.motion.steps;
+                course.potential.set_load(at.time / course.duration, &mut at.x);
+                course.potential.renew(&at.x);
+            }
+            at.motion.kinetic_before += 0.5 * (next.masses.square(&at.v) - stride.masses.square(&at.v));
+            at.motion.added_mass = at.motion.added_mass.max(next.masses.added);
+            stride = next;
+            kept.clone_from(at);
+        }
+    }
+}
+
+/// Where a motion has come to.
+#[derive(Clone)]
+struct State {
+    x: Vec<f64>,
+    v: Vec<f64>,
+    /// Gradient at `x`.
+    g: Vec<f64>,
+    /// Potential energy \[J\], where the load changes it.
+    energy: f64,
+    time: f64,
+    motion: Motion,
+}
+
+/// What steps are taken with: their length \[s\], and masses that bear it.
+#[derive(Clone)]
+struct Stride {
+    h: f64,
+    masses: Masses,
+}
+
+impl Stride {
+    /// Energy \[J\] that round-off of the positions alone can make: ε x·Kx with K ⪯ 4/h² M.
+    fn round_off(&self, x: &[f64]) -> f64 {
+        f64::EPSILON * 4.0 / (self.h * self.h) * self.masses.square(x)
+    }
+}
+
+/// A motion on its way.
+struct Course<'a> {
+    potential: &'a mut dyn Loading,
+    given: &'a [f64],
+    is_fixed: Vec<bool>,
+    duration: f64,
+    /// Damping \[1/s\].
+    alpha: f64,
+    /// Whether the load changes anything.
+    drives: bool,
+    /// Steps that were shortened before a collision.
+    retries: usize,
+}
+
+impl Course<'_> {
+    /// One step; returns h²ω² of its own shape, which is 4 where stability ends.
+    fn step(&mut self, at: &mut State, stride: &Stride) -> Result<f64, Reason> {
+        let (masses, alpha, duration, n) = (&stride.masses, self.alpha, self.duration, at.x.len());
+        // Equal steps to the end.
+        let left = duration - at.time;
+        let mut length = left / (left / stride.h * (1.0 - 1e-12)).ceil().max(1.0);
+        let (before, start, old) = (at.x.clone(), at.v.clone(), at.g.clone());
+        let places = self.potential.touching(&at.x);
+        let damped = masses.square(&at.v);
+        let mut a = at.g.clone();
+        masses.answer_in_place(&mut a);
+        loop {
+            at.v.iter_mut().zip(&a).for_each(|(v, a)| *v -= 0.5 * length * (a + alpha * *v));
+            for i in 0..n {
+                at.x[i] = before[i] + length * at.v[i];
+            }
+            let reached = if length >= left { 1.0 } else { (at.time + length) / duration };
+            self.potential.set_load(reached, &mut at.x);
+            let free =
+                if places.is_empty() { 1.0 } else { self.potential.collision_free_step(&places, &at.x) };
+            if free >= 1.0 {
+                break;
+            }
+            self.retries += 1;
+            at.v.copy_from_slice(&start);
+            at.x.copy_from_slice(&before);
+            self.potential.set_load(at.time / duration, &mut at.x);
+            length *= (SHORT_OF * free).max(1e-3);
+            if length < LEAST_STEP * duration {
+                return Err(Reason::Touch);
+            }
+        }
+        let since = at.time;
+        at.time = if length >= left { duration } else { at.time + length };
+        at.motion.steps += 1;
+        if at.time < duration {
+            at.motion.time_step = at.motion.time_step.min(length);
+        }
+        let dx: Vec<f64> = (0..n).map(|i| if self.is_fixed[i] { 0.0 } else { at.x[i] - before[i] }).collect();
+        self.potential.renew(&at.x);
+        self.potential.gradient(&at.x, &mut at.g);
+        // The second half: v = v½ − ½ h (M⁻¹ g + α v).
+        a.copy_from_slice(&at.g);
+        masses.answer_in_place(&mut a);
+        at.v.iter_mut()
+            .zip(&a)
+            .for_each(|(v, a)| *v = (*v - 0.5 * length * a) / (1.0 + 0.5 * length * alpha));
+        let motion = &mut at.motion;
+        motion.dissipated += 0.5 * length * alpha * (damped + masses.square(&at.v));
+        // a − α v at a step, whose square h²/8 times over is what central differences keep less than ½ v·Mv.
+        let lag = |g: &[f64], v: &[f64]| {
+            let square = masses.inverse_square(g) + alpha * (2.0 * dot(g, v) + alpha * masses.square(v));
+            0.125 * length * length * square
+        };
+        motion.lag += lag(&at.g, &at.v) - lag(&old, &start);
+        if self.drives {
+            // The work that belongs to central differences: what the potential gains by the load alone, mean of before and after.
+            let ahead = self.energy(&before, at.time);
+            let behind = self.energy(&at.x, since);
+            let now = self.energy(&at.x, at.time);
+            at.motion.work += 0.5 * (ahead - at.energy + now - behind);
+            at.energy = now;
+        }
+        if at.motion.steps.is_multiple_of(SAMPLE) {
+            let all = masses.square(&at.v);
+            let own = at.v.iter().zip(self.given).map(|(v, m)| m * v * v).sum::<f64>();
+            at.motion.largest_kinetic = at.motion.largest_kinetic.max(0.5 * all);
+            at.motion.added_kinetic = at.motion.added_kinetic.max(0.5 * (all - own));
+        }
+        let square = masses.square(&dx);
+        Ok(if square > 0.0 { length * length * dot_difference(&dx, &at.g, &old) / square } else { 0.0 })
+    }
+
+    /// Potential energy \[J\] at `x` under the load of `time`.
+    fn energy(&mut self, x: &[f64], time: f64) -> f64 {
+        let mut x = x.to_vec();
+        self.potential.set_load(if time >= self.duration { 1.0 } else { time / self.duration }, &mut x);
+        self.potential.energy(&x)
     }
 }
 
@@ -271,67 +363,74 @@ fn is_driven(potential: &mut dyn Loading, x: &[f64], g: &[f64]) -> bool {
     differs
 }
 
-/// The longest time step, and what is known of the stiffness for the next look at it.
-#[derive(Default)]
-struct Scale {
+/// Looks at the stiffness: the longest step, the masses, and what is known for the next look.
+struct Looks<'a> {
+    given: &'a [f64],
+    /// Wanted step beside the longest that the given masses bear.
+    factor: f64,
+    /// The longest step at the start that the given masses bear \[s\].
+    natural: f64,
     bound: Bound,
     vector: Vec<f64>,
-    /// Longest step without added mass \[s\].
-    natural: f64,
-    /// Energy that round-off of the positions alone can make \[J\].
-    round_off: f64,
 }
 
-impl Scale {
-    /// The same as [`renew`](Scale::renew) on the way, at velocities `v`: what mass that comes or goes brings is told in `motion`. `before`: the
-    /// masses so far.
-    fn renew_moving(
-        &mut self,
-        potential: &dyn Loading,
-        x: &[f64],
-        given: &[f64],
-        factor: f64,
-        v: &[f64],
-        before: &Masses,
-        motion: &mut Motion,
-    ) -> Result<(f64, Masses), (Reason, usize)> {
-        let (h, masses) = self.renew(potential, x, given, factor).map_err(|reason| (reason, motion.steps))?;
-        motion.kinetic_before -= 0.5 * before.square(v);
-        motion.kinetic_before += 0.5 * masses.square(v);
-        motion.added_mass = motion.added_mass.max(masses.added);
-        Ok((h, masses))
+/// What a look at the end of some steps says of them.
+enum Look {
+    /// The masses were enough; how to go on.
+    Borne(Stride),
+    /// They were not; what would have been.
+    TooStiff(Stride),
+    /// Nothing can be said of the stiffness.
+    BlownUp,
+}
+
+impl Looks<'_> {
+    /// The first step and masses.
+    fn first(&mut self, potential: &dyn Loading, x: &[f64]) -> Result<Stride, Reason> {
+        let masses = Masses::new(self.given, &vec![[0.0; 9]; x.len() / 3]);
+        let fastest = MARGIN * largest(potential, x, &masses, &mut self.vector, POWERS[0]);
+        if !fastest.is_finite() {
+            return Err(Reason::BlowsUp);
+        }
+        self.natural = 2.0 / fastest.sqrt();
+        if self.factor <= 1.0 {
+            return Ok(Stride { h: self.natural, masses });
+        }
+        let h = self.factor * self.natural;
+        match self.again(potential, x, &Stride { h, masses }) {
+            Look::Borne(stride) | Look::TooStiff(stride) => Ok(stride),
+            Look::BlownUp => Err(Reason::BlowsUp),
+        }
     }
 
-    /// Time step and masses at `x`: with `factor` times the step that the `given` masses bear, they are as much larger as it takes. A motion that has
-    /// blown up has no stiffness.
-    fn renew(
-        &mut self,
-        potential: &dyn Loading,
-        x: &[f64],
-        given: &[f64],
-        factor: f64,
-    ) -> Result<(f64, Masses), Reason> {
-        let none = vec![[0.0; 9]; x.len() / 3];
-        let physical = Masses::new(given, &none);
-        let steps = super::masses::POWERS[usize::from(self.vector.len() == x.len())];
-        let fastest = MARGIN * largest(potential, x, &physical, &mut self.vector, steps);
-        if !fastest.is_finite() {
-            return Err(Reason::Inversion);
+    /// Looks at `x`, where steps with `stride` have led. With added mass the step stays what it was at the start, so that stiffness that comes later
+    /// is answered by mass.
+    fn again(&mut self, potential: &dyn Loading, x: &[f64], stride: &Stride) -> Look {
+        let Stride { h, masses } = stride;
+        if self.factor <= 1.0 {
+            let fastest = largest(potential, x, masses, &mut self.vector, POWERS[1]);
+            let next = Stride { h: 2.0 / (MARGIN * fastest).sqrt(), masses: masses.clone() };
+            return match fastest * h * h {
+                square if square <= 4.0 => Look::Borne(next),
+                square if square.is_finite() => Look::TooStiff(next),
+                _ => Look::BlownUp,
+            };
         }
-        let natural = 2.0 / fastest.sqrt();
-        self.round_off = self.round_off.max(f64::EPSILON * fastest * physical.square(x));
-        if self.natural == 0.0 {
-            self.natural = natural;
-        }
-        if factor <= 1.0 {
-            return Ok((natural, physical));
-        }
-        // The step of the start, so that stiffness that comes later is answered by mass.
-        let h = factor * self.natural;
         self.bound.renew(potential, x);
-        if !self.bound.largest.is_finite() {
-            return Err(Reason::Inversion);
+        if !self.bound.is_finite() {
+            return Look::BlownUp;
         }
-        Ok((h, Masses::new(given, &self.bound.times(0.25 * ROOM * h * h))))
+        let least = |room: f64| self.bound.times(0.25 * room * h * h);
+        match masses.cover(&least(1.0)) {
+            true => Look::Borne(Stride { h: *h, masses: Masses::new(self.given, &least(ROOM)) }),
+            false => Look::TooStiff(Stride { h: *h, masses: masses.at_least(&least(ROOM)) }),
+        }
+    }
+
+    /// Has the next look begin with the shape in which steps from `before` to `x` were too long.
+    fn stiffest(&mut self, before: &[f64], x: &[f64], is_fixed: &[bool]) {
+        let vector = if self.factor > 1.0 { self.bound.vector_mut() } else { &mut self.vector };
+        vector.clear();
+        vector.extend((0..x.len()).map(|i| if is_fixed[i] { 0.0 } else { x[i] - before[i] }));
     }
 }

@@ -52,6 +52,16 @@ impl Bound {
         self.largest = MARGIN * largest(potential, x, &unit, &mut self.vector, steps);
     }
 
+    /// Whether there is a stiffness to speak of: a motion that has blown up has none.
+    pub fn is_finite(&self) -> bool {
+        self.largest.is_finite() && self.blocks.as_flattened().iter().all(|b| b.is_finite())
+    }
+
+    /// The shape with which the next look begins.
+    pub fn vector_mut(&mut self) -> &mut Vec<f64> {
+        &mut self.vector
+    }
+
     /// Residual \[N\] that round-off of the positions `x` within their body alone can make: ε · extent in every position times its stiffness.
     pub fn round_off(&self, x: &[f64]) -> f64 {
         let along = |c: usize| x.iter().skip(c).step_by(3);
@@ -106,7 +116,7 @@ pub fn largest(
 }
 
 /// Masses of the free nodes \[kg\], blocks that may weigh more in one direction than in another.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Masses {
     blocks: Vec<Block>,
     /// Zero in what is prescribed.
@@ -118,19 +128,26 @@ pub struct Masses {
 impl Masses {
     /// At least `given` \[kg\] per unknown (empty: none) and `least` per node. Unknowns for which both are zero are prescribed.
     pub fn new(given: &[f64], least: &[Block]) -> Masses {
+        let mass = |i: usize| given.get(i).map_or(0.0, |m| *m);
+        let of = |node: usize| std::array::from_fn(|e| if e % 4 == 0 { mass(3 * node + e / 4) } else { 0.0 });
+        let given = Masses { blocks: (0..least.len()).map(of).collect(), ..Masses::default() };
+        given.at_least(least)
+    }
+
+    /// These, and where they are less than `least`, in the directions in which they are, that.
+    pub fn at_least(&self, least: &[Block]) -> Masses {
         let greatest = least.iter().flatten().fold(0.0_f64, |m, v| m.max(*v));
-        let of = |(node, least): (usize, &Block)| {
-            let m: [f64; 3] = std::array::from_fn(|i| given.get(3 * node + i).map_or(0.0, |m| *m));
+        let of = |(before, least): (&Block, &Block)| {
+            let m: [f64; 3] = std::array::from_fn(|i| before[4 * i]);
             let prescribed: [bool; 3] = std::array::from_fn(|i| m[i] == 0.0 && least[4 * i] == 0.0);
-            if m == [m[0]; 3] && least.iter().all(|b| *b == 0.0) && m[0] > 0.0 {
-                let diagonal = |v: f64| std::array::from_fn(|e| if e % 4 == 0 { v } else { 0.0 });
-                return (diagonal(m[0]), diagonal(1.0 / m[0]), 0.0);
+            if *before == diagonal(m[0]) && least.iter().all(|b| *b == 0.0) && m[0] > 0.0 {
+                return (*before, diagonal(1.0 / m[0]), 0.0);
             }
-            let given = Matrix3::from_diagonal(&m.into());
-            let more = SymmetricEigen::new(Matrix3::from_row_slice(least) - given);
+            let before = Matrix3::from_row_slice(before);
+            let more = SymmetricEigen::new(Matrix3::from_row_slice(least) - before);
             let most = Matrix3::from_row_slice(least).amax();
             let floor = LEAST * if most > 0.0 { most } else { greatest };
-            let (mut block, mut added) = (given, 0.0);
+            let (mut block, mut added) = (before, 0.0);
             for (value, u) in more.eigenvalues.iter().zip(more.eigenvectors.column_iter()) {
                 let more = value.max(0.0);
                 added += more / 3.0;
@@ -152,12 +169,21 @@ impl Masses {
             (flat(&block), flat(&inverse), added)
         };
         let all: Vec<(Block, Block, f64)> =
-            least.par_iter().with_min_len(PIECE).enumerate().map(of).collect();
+            self.blocks.par_iter().zip(least).with_min_len(PIECE).map(of).collect();
         Masses {
-            added: all.iter().map(|m| m.2).sum(),
+            added: self.added + all.iter().map(|m| m.2).sum::<f64>(),
             blocks: all.iter().map(|m| m.0).collect(),
             inverse: all.iter().map(|m| m.1).collect(),
         }
+    }
+
+    /// Whether no node weighs less than `least` in any direction.
+    pub fn cover(&self, least: &[Block]) -> bool {
+        let lacks = |(mass, least): (&Block, &Block)| {
+            let room = Matrix3::from_row_slice(mass) - Matrix3::from_row_slice(least);
+            room.symmetric_eigenvalues().min() < -1e-9 * Matrix3::from_row_slice(least).amax()
+        };
+        !self.blocks.par_iter().zip(least).with_min_len(PIECE).any(lacks)
     }
 
     /// v ← `keep` v − `push` M⁻¹g, then x ← x + v; returns v·Mv.
@@ -216,6 +242,10 @@ impl Masses {
         let nodes = f.as_chunks_mut::<3>().0.par_iter_mut().with_min_len(PIECE).enumerate();
         nodes.for_each(|(n, f)| *f = times(&self.inverse[n], f));
     }
+}
+
+fn diagonal(m: f64) -> Block {
+    std::array::from_fn(|e| if e % 4 == 0 { m } else { 0.0 })
 }
 
 fn times(m: &Block, v: &[f64; 3]) -> [f64; 3] {

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 pub struct Motion {
     /// Time steps.
     pub steps: usize,
+    /// Time steps that were taken back, as masses were too small at their end.
+    pub repeated: usize,
     /// Shortest time step \[s\], the last one left out.
     pub time_step: f64,
     /// Time step that needs no mass to be added \[s\].
@@ -38,6 +40,11 @@ pub struct Motion {
 pub const HEAVY: f64 = 0.05;
 
 impl Motion {
+    /// Time steps, those taken back among them.
+    pub fn taken(&self) -> usize {
+        self.steps + self.repeated
+    }
+
     /// Energy at the end that nothing accounts for \[J\].
     pub fn missing(&self) -> f64 {
         self.kinetic + self.stored + self.dissipated - self.work - self.kinetic_before - self.lag

@@ -128,6 +128,8 @@ pub enum Reason {
         /// The energies in play \[J\].
         in_play: f64,
     },
+    /// A motion gets stiffer, again and again, than its masses bear, however few steps are taken at a time.
+    BlowsUp,
     /// Every equilibrium that was found is a saddle of the potential.
     Unstable,
     /// A gradient or energy that is not a number.
@@ -171,6 +173,11 @@ impl std::fmt::Display for Reason {
                  needs fewer where stiffness and softness are far apart"
             ),
             Reason::NoMass { node } => write!(f, "{node} has no mass: no solid with inertia is there"),
+            Reason::BlowsUp => write!(
+                f,
+                "the motion blows up, with however much mass its time step is tried; a smaller `time_step_factor`, or a slower way, carries \
+                 it through"
+            ),
             Reason::Imbalance { missing, in_play } => write!(
                 f,
                 "{missing:.2e} J are missing or too much at the end, beside {in_play:.2e} J in play: the motion is too fast for its time steps; \

@@ -28,6 +28,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use multibody::error::unknown;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::prelude::*;
 
 use crate::error::CommandError;
 use crate::output::claim::{Claim, Identity};
@@ -153,10 +155,14 @@ enum Command {
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     // What the solver does, iteration by iteration, for `RUST_LOG=fem=debug`.
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    let asked = std::env::var("RUST_LOG").unwrap_or("error".into());
+    let targets = asked.parse::<Targets>();
+    let shown = targets.as_ref().map_or(Targets::new().with_default(LevelFilter::ERROR), Targets::clone);
+    let layer = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    tracing_subscriber::registry().with(shown).with(layer).init();
+    if let Err(error) = targets {
+        tracing::error!("RUST_LOG is `{asked}`: {error}; it is taken as `error`");
+    }
     ExitCode::from(run(std::env::args_os()))
 }
 
