@@ -5,10 +5,10 @@
 use fem::material::line::FibreStrain;
 use fem::measure::support_wrench;
 use fem::mesh::{Mesh, generate};
-use fem::plan::Plan;
+use fem::plan::{LoadedIsland, Plan};
 use fem::run::{Drive, Run, run};
 use fem::scene::*;
-use fem::solve::{HEAVY, Method, Motion, Reason, Settings, SolveError};
+use fem::solve::{BlockMatrix, HEAVY, Method, Motion, Potential, Reason, Settings, SolveError};
 use std::f64::consts::PI;
 use support::contact_scenes::{add, block_mean, moved, timed, two_blocks};
 use support::fem_scenes::{held, mooney_rivlin};
@@ -276,6 +276,41 @@ fn what_is_slack_and_then_taut_at_once_is_carried_through() {
     println!("{motions:?} {:?}", out.errors);
     assert!(out.is_solved() && motions[0].repeated > 0);
     balances(&motions);
+}
+
+/// Nodes are measured by what pulls at them where it is taut: strands that are slack add as much to their blocks as stiff ones, and nothing to the stiffness.
+#[test]
+fn what_is_slack_weighs_as_if_it_were_taut() {
+    let (length, stiffness) = (0.1, 40.0);
+    let blocks_and_stiffness = |has_strands: bool| {
+        let (mut scene, mesh) = muscle();
+        scene.fibres.clear();
+        if has_strands {
+            let strand = StrandSpec { region: "lines".into(), stiffness, toe: 0.03, reference_strain: -0.05 };
+            scene.strands.push(strand);
+        }
+        let plan = Plan::new(&scene, mesh).expect("a scene");
+        let island = plan.islands[0].clone();
+        let x = island.free_positions(&island.gather(&plan.reference()));
+        let load = timed(&plan, 1.0, 1, |_| vec![]).frames[0].load.clone();
+        let potential = LoadedIsland::new(island, load.clone(), load);
+        let mut blocks = vec![0.0; 3 * x.len()];
+        potential.diagonal_blocks(&x, &mut blocks);
+        let mut k = BlockMatrix::zeros(potential.pattern().clone());
+        potential.hessian(&x, 1.0, &mut k);
+        let diagonal: Vec<f64> = (0..x.len() / 3).flat_map(|n| *k.diagonal_block(n)).collect();
+        (blocks, diagonal)
+    };
+    let [(with, k_with), (without, k_without)] = [true, false].map(blocks_and_stiffness);
+    assert_eq!(k_with, k_without, "what is slack resists nothing");
+    let more: Vec<f64> = with.iter().zip(&without).map(|(a, b)| a - b).collect();
+    let scale = with.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    // Four lines of ten segments, whose 36 inner ends between two of them are free.
+    let segment = stiffness / (0.95f64.recip() * length / 10.0);
+    let (along, other): (Vec<_>, Vec<_>) = more.iter().enumerate().partition(|(i, _)| i % 9 == 0);
+    let sum: f64 = along.iter().map(|(_, v)| **v).sum();
+    assert!((sum / (36.0 * 2.0 * segment) - 1.0).abs() < 1e-9, "{sum} N/m in all");
+    assert!(other.iter().all(|(_, v)| v.abs() < 1e-12 * scale), "along the bar alone");
 }
 
 /// Where nothing can keep up, what blows up ends in words.

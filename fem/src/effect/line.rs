@@ -120,9 +120,35 @@ impl<const M: usize> Effect for Lines<M> {
         }
     }
 
-    /// (k_axial n⊗n + N/l (I − n⊗n)) w_a w_b; less the fraction `convexity` of negative k_axial and N.
     fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]) {
         let a = self.activation(s);
+        self.each_stiffness(s, first, out, |e, lambda, l| {
+            let r = self.laws[e].response(lambda, a);
+            let (axial, lateral) = (r.stiffness / self.lengths[e], r.force / l);
+            [axial - convexity * axial.min(0.0), lateral - convexity * lateral.min(0.0)]
+        });
+    }
+
+    fn taut_stiffness(&self, s: &State, first: usize, out: &mut [f64]) {
+        let a = self.activation(s);
+        self.each_stiffness(s, first, out, |e, lambda, l| {
+            let r = self.laws[e].response(lambda, a);
+            let axial = r.stiffness.max(self.laws[e].taut_stiffness(a)) / self.lengths[e];
+            [axial, (r.force / l).max(0.0)]
+        });
+    }
+}
+
+impl<const M: usize> Lines<M> {
+    /// Overwrites `out` with (k_axial n⊗n + k_lateral (I − n⊗n)) w_a w_b of segments `first`, `first + 1`, … `of` says both k \[N/m\] of a segment, its
+    /// stretch and its length \[m\].
+    fn each_stiffness(
+        &self,
+        s: &State,
+        first: usize,
+        out: &mut [f64],
+        of: impl Fn(usize, f64, f64) -> [f64; 2],
+    ) {
         for (e, out) in (first..).zip(out.chunks_exact_mut(9 * M * M)) {
             let (d, l) = self.span(e, s.x);
             let lambda = l / self.lengths[e];
@@ -130,10 +156,7 @@ impl<const M: usize> Effect for Lines<M> {
                 out.fill(0.0);
                 continue;
             }
-            let r = self.laws[e].response(lambda, a);
-            let (mut axial, mut lateral) = (r.stiffness / self.lengths[e], r.force / l);
-            axial -= convexity * axial.min(0.0);
-            lateral -= convexity * lateral.min(0.0);
+            let [axial, lateral] = of(e, lambda, l);
             let n = d.map(|d| d / l);
             let w = &self.weights[e];
             for p in 0..M {

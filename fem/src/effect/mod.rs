@@ -179,6 +179,10 @@ pub trait Effect: Send + Sync {
     /// Overwrites `out` with ∂²Π/∂x∂x \[N/m\] of groups `first`, `first + 1`, …: 3m × 3m row-major each,
     /// less the fraction `convexity` of the negative curvatures of every term: the true one with 0, positive semidefinite with 1.
     fn stiffness(&self, s: &State, convexity: f64, first: usize, out: &mut [f64]);
+    /// The same, positive semidefinite, with what is slack as stiff as where it is taut: it may be so within a time step.
+    fn taut_stiffness(&self, s: &State, first: usize, out: &mut [f64]) {
+        self.stiffness(s, 1.0, first, out);
+    }
     /// Whether the Hessian vanishes for good (dead loads), so that it need not be assembled.
     fn is_linear(&self) -> bool {
         false

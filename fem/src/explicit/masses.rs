@@ -87,7 +87,7 @@ pub fn largest(
     steps: usize,
 ) -> f64 {
     let n = x.len();
-    if vector.len() != n {
+    if vector.len() != n || vector.iter().any(|v| !v.is_finite()) {
         // No two neighbours alike, so that the stiffest shapes have a part in it.
         let hash = |i: usize| ((i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64;
         *vector = (0..n).map(|i| hash(i) / f64::from(1 << 23) - 1.0).collect();

@@ -33,6 +33,18 @@ impl LineLaw {
             LineLaw::Strand(law) => law.response(lambda),
         }
     }
+
+    /// The greatest ∂N/∂λ \[N\] of a law that is slack below some stretch, at activation `a`; 0 for others.
+    pub fn taut_stiffness(&self, a: f64) -> f64 {
+        match self {
+            LineLaw::Thermal(ThermalFibre { toe: Some(_), stiffness, contraction, strain }) => match strain {
+                FibreStrain::Engineering => *stiffness,
+                FibreStrain::Logarithmic => stiffness * (contraction * a).exp(),
+            },
+            LineLaw::Strand(law) => law.stiffness,
+            _ => 0.0,
+        }
+    }
 }
 
 /// Strain measure of a [`ThermalFibre`].

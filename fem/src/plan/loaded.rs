@@ -293,7 +293,7 @@ impl Potential for LoadedIsland {
                 slots.add_rows::<9>(blocks, STIFFNESS_BATCH, |first, out| {
                     let mut k = vec![0.0; 9 * m * m];
                     for (group, out) in (first..).zip(out.chunks_exact_mut(9 * m)) {
-                        effect.stiffness(&s, 1.0, group, &mut k);
+                        effect.taut_stiffness(&s, group, &mut k);
                         for (a, block) in out.as_chunks_mut::<9>().0.iter_mut().enumerate() {
                             *block = std::array::from_fn(|e| k[(3 * a + e / 3) * 3 * m + 3 * a + e % 3]);
                         }

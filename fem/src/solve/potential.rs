@@ -35,8 +35,8 @@ pub trait Potential: Send + Sync {
     /// semi-definite.
     fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix);
 
-    /// Diagonal 3×3 blocks of the Hessian \[N/m\], 9 values row-major per free node, of terms that have lost all their negative curvatures;
-    /// overwrites `blocks`. Solvers without matrices measure nodes by them.
+    /// Diagonal 3×3 blocks of the Hessian \[N/m\], 9 values row-major per free node, of terms that have lost all their negative curvatures,
+    /// and with lines that are slack as stiff as taut ones; overwrites `blocks`. Solvers without matrices measure nodes by them.
     fn diagonal_blocks(&self, x: &[f64], blocks: &mut [f64]) {
         let mut k = BlockMatrix::zeros(self.pattern().clone());
         self.hessian(x, 1.0, &mut k);
