@@ -230,7 +230,7 @@ const LADDER: &str = r#"scene = "two.toml"
 [[axis]]
 name = "mesh"
 key = "resolution_mm"
-values = [20.0, 14.0]
+values = [20.0, 17.0]
 error = "discretisation"
 
 [[axis]]
@@ -273,13 +273,13 @@ fn a_ladder_is_measured_and_resumed_with_the_same_bytes_on_any_number_of_threads
     let one = sartorius(&["cost", "my.toml", "--out", "one", "--threads", "1"], folder.path());
     assert_eq!(one.status.code(), Some(0), "{}", String::from_utf8_lossy(&one.stderr));
     let first = numbers(&at("one"));
-    assert_eq!(first.keys().collect::<Vec<_>>(), ["base", "contact_none", "mesh_14", "muscles_none"]);
+    assert_eq!(first.keys().collect::<Vec<_>>(), ["base", "contact_none", "mesh_17", "muscles_none"]);
     let two = sartorius(&["cost", "my.toml", "--out", "two", "--threads", "2"], folder.path());
     assert_eq!(two.status.code(), Some(0));
     assert_eq!(numbers(&at("two")), first);
 
     // Killed: a rung is gone, and one is of another scene.
-    fs::remove_dir_all(at("one/rungs/mesh_14")).unwrap();
+    fs::remove_dir_all(at("one/rungs/mesh_17")).unwrap();
     let of_base = fs::metadata(at("one/rungs/base/run.json")).unwrap().modified().unwrap();
     let scene = fs::read_to_string(at("one/rungs/contact_none.toml")).unwrap();
     fs::write(at("one/rungs/contact_none.toml"), scene.replace("# Rung", "# rung")).unwrap();
@@ -297,24 +297,24 @@ fn a_ladder_is_measured_and_resumed_with_the_same_bytes_on_any_number_of_threads
         cost.lines().skip(1).map(|l| (l.split(',').next().unwrap(), l.split(',').collect())).collect();
     let number = |rung: &str, column: usize| rows[rung][column].parse::<f64>().unwrap();
     assert!(cost.starts_with("setting,elements,unknowns,seconds,peak_mib,error_percent,reference"), "{cost}");
-    assert_eq!((rows["base"][6], number("mesh_14", 5)), ("mesh_14", 0.0));
-    assert!(number("base", 1) < number("mesh_14", 1) && number("base", 5) > 0.0, "{cost}");
+    assert_eq!((rows["base"][6], number("mesh_17", 5)), ("mesh_17", 0.0));
+    assert!(number("base", 1) < number("mesh_17", 1) && number("base", 5) > 0.0, "{cost}");
     assert_eq!(number("muscles_none", 1), 0.0);
     assert!(number("muscles_none", 3) < number("base", 3), "{cost}");
     // Every point names all that makes it, so that it is the same on a scene with other values of its own.
     let curve = Curve::read(&at("one/curve.toml")).unwrap();
     let point = |name: &str| curve.contact.iter().find(|p| p.setting == name).unwrap();
     assert_eq!(point("base").keys["resolution_mm"].as_float(), Some(20.0));
-    assert_eq!(point("mesh_14").coarser.as_ref().unwrap().keys["resolution_mm"].as_float(), Some(20.0));
+    assert_eq!(point("mesh_17").coarser.as_ref().unwrap().keys["resolution_mm"].as_float(), Some(20.0));
     // Nothing is finer than the last mesh, and the base promises no less than it is off.
-    let [base, finest] = ["base", "mesh_14"].map(point);
+    let [base, finest] = ["base", "mesh_17"].map(point);
     assert_eq!((base.promised_percent, finest.promised_percent), (Some(base.error_percent), Some(0.0)));
     let errors = fs::read_to_string(at("one/errors.csv")).unwrap();
     assert!(
         errors.lines().any(|l| l.starts_with("heel_strike,section_force_N,biceps_femoris_short_head,")),
         "{errors}"
     );
-    assert!(fs::read_to_string(at("one/report.html")).unwrap().contains("mesh 14"));
+    assert!(fs::read_to_string(at("one/report.html")).unwrap().contains("mesh 17"));
 }
 
 #[test]
@@ -344,7 +344,7 @@ fn a_rung_that_fails_is_marked_and_the_ladder_goes_on() {
 #[test]
 fn a_value_that_no_scene_takes_is_refused_before_anything_runs() {
     let folder = folder();
-    fs::write(folder.path().join("my.toml"), LADDER.replace("20.0, 14.0", "200.0, 14.0")).unwrap();
+    fs::write(folder.path().join("my.toml"), LADDER.replace("20.0, 17.0", "200.0, 17.0")).unwrap();
     let bad = sartorius(&["cost", "my.toml"], folder.path());
     let said = String::from_utf8_lossy(&bad.stderr).into_owned();
     assert_eq!(bad.status.code(), Some(2), "{said}");
