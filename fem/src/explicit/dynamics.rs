@@ -196,7 +196,8 @@ impl Dynamics {
             if !borne {
                 looks.stiffest(&kept.x, &at.x, &course.is_fixed);
             }
-            let look = looks.again(course.potential, &at.x, &stride);
+            let is_finite = at.x.iter().chain(&at.g).all(|v| v.is_finite());
+            let look = if is_finite { looks.again(course.potential, &at.x, &stride) } else { Look::BlownUp };
             let is_borne = matches!(look, Look::Borne(_));
             let next = match look {
                 Look::Borne(next) | Look::TooStiff(next) => next,
