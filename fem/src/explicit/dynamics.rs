@@ -6,7 +6,7 @@
 //! enough, fewer at a time.
 //! Belytschko, Liu, Moran & Elkhodary, Nonlinear Finite Elements for Continua and Structures, 2nd ed., §6.2.
 
-use super::masses::{Bound, MARGIN, Masses, POWERS, dot, dot_difference, largest};
+use super::masses::{Bound, MARGIN, Masses, dot, dot_difference, largest};
 use crate::solve::{Advance, Iteration, Loading, Motion, NotConverged, Reason, Settings, SolveError};
 use std::time::Instant;
 
@@ -19,12 +19,14 @@ const RENEW_ADDED: usize = 25;
 /// Factor on added mass above what is just stable, 1/0.67²: steps of two thirds of the longest, as is usual where much happens (LS-DYNA Keyword User's
 /// Manual, TSSFAC). Without it a bar of tissue that is drawn by a fifth blows up at 10 times its step, however often it is looked at.
 const ROOM: f64 = 2.2;
-/// Times in a row that steps are taken back and tried anew: from [`RENEW`] steps to one, and each one with more mass some ten times.
+/// Times in a row that steps are taken back and tried anew: from [`RENEW`] steps to one, and this one some ten times with more mass or half as long.
 const MAX_REPEATS: usize = 20;
 /// Steps from one look at the kinetic energy to the next.
 const SAMPLE: usize = 5;
-/// Quotient h²ω² of a step beyond which it is near the end of the stable ones, 4.
+/// Quotient h²ω² of a step beyond which it is near the end of the stable ones.
 const STABLE: f64 = 3.9;
+/// Quotient beyond which it is none of them.
+const UNSTABLE: f64 = 4.0;
 /// Fraction of the way to a collision that a shortened step goes.
 const SHORT_OF: f64 = 0.9;
 /// Steps shorter than this fraction of the frame are not tried.
@@ -148,8 +150,16 @@ impl Dynamics {
             ..Motion::default()
         };
         let drives = is_driven(potential, x, &g);
-        let mut course =
-            Course { potential, given, is_fixed, duration, alpha: self.settings.damping, drives, retries: 0 };
+        let mut course = Course {
+            potential,
+            given,
+            is_fixed,
+            duration,
+            alpha: self.settings.damping,
+            drives,
+            retries: 0,
+            dx: Vec::new(),
+        };
         let mut at = State { x: x.to_vec(), v: v.clone(), g, energy, time: 0.0, motion };
         let outcome = self.travel(&mut course, &mut looks, &mut at, stride);
         report.retries += course.retries;
@@ -166,7 +176,7 @@ impl Dynamics {
         motion.largest_kinetic = motion.largest_kinetic.max(motion.kinetic);
         motion.stored = potential.energy(x) - energy;
         let (missing, allowed) = (motion.missing(), IMBALANCE * motion.in_play() + round_off);
-        if !(missing.abs() <= allowed) {
+        if !(missing.is_finite() && missing.abs() <= allowed) {
             let reason = Reason::Imbalance { missing, in_play: motion.in_play() };
             return Err((reason, motion.taken()));
         }
@@ -186,22 +196,32 @@ impl Dynamics {
         let mut kept = at.clone();
         loop {
             let until = at.motion.steps + block;
-            let mut borne = true;
-            while borne && at.time < course.duration && at.motion.steps < until {
+            let (mut quotient, mut is_held_up) = (0.0, false);
+            while quotient <= STABLE && !is_held_up && at.time < course.duration && at.motion.steps < until {
                 if at.motion.taken() >= self.settings.max_steps {
                     return Err(Reason::NotSettled { steps: at.motion.taken() });
                 }
-                borne = course.step(at, &stride)? <= STABLE;
+                match course.step(at, &stride) {
+                    Ok(of_step) => quotient = of_step,
+                    // Surfaces in its way, or a motion that blows up: the look says which.
+                    Err(_) => is_held_up = true,
+                }
             }
-            if !borne {
-                looks.stiffest(&kept.x, &at.x, &course.is_fixed);
+            if !(quotient <= STABLE) {
+                looks.stiffest(&course.dx);
             }
-            let is_finite = at.x.iter().chain(&at.g).all(|v| v.is_finite());
-            let look = if is_finite { looks.again(course.potential, &at.x, &stride) } else { Look::BlownUp };
-            let is_borne = matches!(look, Look::Borne(_));
+            let look =
+                if at.is_finite() { looks.again(course.potential, &at.x, &stride) } else { Look::BlownUp };
+            let is_borne = matches!(look, Look::Borne(_)) && quotient <= UNSTABLE;
+            if is_borne && is_held_up {
+                return Err(Reason::Touch);
+            }
             let next = match look {
-                Look::Borne(next) | Look::TooStiff(next) => next,
-                Look::BlownUp => stride.clone(),
+                Look::Borne(next) if is_borne => next,
+                Look::TooStiff(next) => next,
+                // The look knows no more than that it was too long.
+                _ if block == 1 => stride.doubled(looks.factor),
+                _ => stride.clone(),
             };
             if is_borne {
                 round_off = round_off.max(stride.round_off(&at.x));
@@ -241,6 +261,14 @@ struct State {
     motion: Motion,
 }
 
+impl State {
+    /// Whether all that a look or a balance rests on is a number.
+    fn is_finite(&self) -> bool {
+        let energies = [self.energy, self.motion.work, self.motion.lag, self.motion.dissipated];
+        self.x.iter().chain(&self.g).chain(&energies).all(|v| v.is_finite())
+    }
+}
+
 /// What steps are taken with: their length \[s\], and masses that bear it.
 #[derive(Clone)]
 struct Stride {
@@ -249,6 +277,14 @@ struct Stride {
 }
 
 impl Stride {
+    /// Twice as heavy, or half as long where no mass is added.
+    fn doubled(&self, factor: f64) -> Stride {
+        match factor > 1.0 {
+            true => Stride { h: self.h, masses: self.masses.doubled() },
+            false => Stride { h: 0.5 * self.h, masses: self.masses.clone() },
+        }
+    }
+
     /// Energy \[J\] that round-off of the positions alone can make: ε x·Kx with K ⪯ 4/h² M.
     fn round_off(&self, x: &[f64]) -> f64 {
         f64::EPSILON * 4.0 / (self.h * self.h) * self.masses.square(x)
@@ -267,6 +303,8 @@ struct Course<'a> {
     drives: bool,
     /// Steps that were shortened before a collision.
     retries: usize,
+    /// How far the unknowns went in the last step \[m\], 0 where prescribed.
+    dx: Vec<f64>,
 }
 
 impl Course<'_> {
@@ -308,7 +346,7 @@ impl Course<'_> {
         if at.time < duration {
             at.motion.time_step = at.motion.time_step.min(length);
         }
-        let dx: Vec<f64> = (0..n).map(|i| if self.is_fixed[i] { 0.0 } else { at.x[i] - before[i] }).collect();
+        self.dx = (0..n).map(|i| if self.is_fixed[i] { 0.0 } else { at.x[i] - before[i] }).collect();
         self.potential.renew(&at.x);
         self.potential.gradient(&at.x, &mut at.g);
         // The second half: v = v½ − ½ h (M⁻¹ g + α v).
@@ -339,8 +377,8 @@ impl Course<'_> {
             at.motion.largest_kinetic = at.motion.largest_kinetic.max(0.5 * all);
             at.motion.added_kinetic = at.motion.added_kinetic.max(0.5 * (all - own));
         }
-        let square = masses.square(&dx);
-        Ok(if square > 0.0 { length * length * dot_difference(&dx, &at.g, &old) / square } else { 0.0 })
+        let square = masses.square(&self.dx);
+        Ok(if square == 0.0 { 0.0 } else { length * length * dot_difference(&self.dx, &at.g, &old) / square })
     }
 
     /// Potential energy \[J\] at `x` under the load of `time`.
@@ -389,7 +427,7 @@ impl Looks<'_> {
     /// The first step and masses.
     fn first(&mut self, potential: &dyn Loading, x: &[f64]) -> Result<Stride, Reason> {
         let masses = Masses::new(self.given, &vec![[0.0; 9]; x.len() / 3]);
-        let fastest = MARGIN * largest(potential, x, &masses, &mut self.vector, POWERS[0]);
+        let fastest = MARGIN * largest(potential, x, &masses, &mut self.vector);
         if !fastest.is_finite() {
             return Err(Reason::BlowsUp);
         }
@@ -409,7 +447,7 @@ impl Looks<'_> {
     fn again(&mut self, potential: &dyn Loading, x: &[f64], stride: &Stride) -> Look {
         let Stride { h, masses } = stride;
         if self.factor <= 1.0 {
-            let fastest = largest(potential, x, masses, &mut self.vector, POWERS[1]);
+            let fastest = largest(potential, x, masses, &mut self.vector);
             let next = Stride { h: 2.0 / (MARGIN * fastest).sqrt(), masses: masses.clone() };
             return match fastest * h * h {
                 square if square <= 4.0 => Look::Borne(next),
@@ -428,10 +466,10 @@ impl Looks<'_> {
         }
     }
 
-    /// Has the next look begin with the shape in which steps from `before` to `x` were too long.
-    fn stiffest(&mut self, before: &[f64], x: &[f64], is_fixed: &[bool]) {
+    /// Has the next look begin with the shape `dx` of a step that was too long.
+    fn stiffest(&mut self, dx: &[f64]) {
         let vector = if self.factor > 1.0 { self.bound.vector_mut() } else { &mut self.vector };
         vector.clear();
-        vector.extend((0..x.len()).map(|i| if is_fixed[i] { 0.0 } else { x[i] - before[i] }));
+        vector.extend(dx);
     }
 }

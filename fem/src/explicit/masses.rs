@@ -26,9 +26,9 @@ pub struct Bound {
 
 /// Nodes that one task takes; the pieces of sums, too, so that they are the same on any number of threads.
 const PIECE: usize = 512;
-/// Steps of the power method: the first time, and from the shape of the time before. The spectrum is dense at its end, so that after 40 steps
+/// Steps of the power method: from no shape, and from that of the time before. The spectrum is dense at its end, so that after 40 steps
 /// the quotient is within [`MARGIN`] of it.
-pub const POWERS: [usize; 2] = [40, 10];
+const POWERS: [usize; 2] = [40, 10];
 /// Factor on the largest eigenvalue that the power method found, which comes to it from below. Steps that are too long all the same are seen
 /// from the quotient Δx·Δg / Δx·MΔx of the step itself, and answered.
 pub const MARGIN: f64 = 1.1;
@@ -48,8 +48,7 @@ impl Bound {
             (0..3).for_each(|c| (block[3 * (i % 3) + c], block[3 * c + i % 3]) = (0.0, 0.0));
         }
         let unit = Masses::new(&[], &self.blocks);
-        let steps = POWERS[usize::from(self.vector.len() == x.len())];
-        self.largest = MARGIN * largest(potential, x, &unit, &mut self.vector, steps);
+        self.largest = MARGIN * largest(potential, x, &unit, &mut self.vector);
     }
 
     /// Whether there is a stiffness to speak of: a motion that has blown up has none.
@@ -77,21 +76,18 @@ impl Bound {
     }
 }
 
-/// The largest eigenvalue of M⁻¹K at `x` by `steps` of the power method from `vector`, whose products with K are differences of gradients;
-/// leaves its eigenvector there.
-pub fn largest(
-    potential: &dyn Potential,
-    x: &[f64],
-    masses: &Masses,
-    vector: &mut Vec<f64>,
-    steps: usize,
-) -> f64 {
+/// The largest eigenvalue of M⁻¹K at `x` by the power method from `vector`, or from a shape of its own where that is none, whose products with K are
+/// differences of gradients; leaves its eigenvector there.
+pub fn largest(potential: &dyn Potential, x: &[f64], masses: &Masses, vector: &mut Vec<f64>) -> f64 {
     let n = x.len();
-    if vector.len() != n || vector.iter().any(|v| !v.is_finite()) {
+    let is_shape =
+        vector.len() == n && vector.iter().all(|v| v.is_finite()) && vector.iter().any(|v| *v != 0.0);
+    if !is_shape {
         // No two neighbours alike, so that the stiffest shapes have a part in it.
         let hash = |i: usize| ((i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64;
         *vector = (0..n).map(|i| hash(i) / f64::from(1 << 23) - 1.0).collect();
     }
+    let steps = POWERS[usize::from(is_shape)];
     let (mut g, mut ahead, mut moved) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     potential.gradient(x, &mut g);
     let small = DIFFERENCE * x.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -175,6 +171,12 @@ impl Masses {
             blocks: all.iter().map(|m| m.0).collect(),
             inverse: all.iter().map(|m| m.1).collect(),
         }
+    }
+
+    /// These, twice as heavy.
+    pub fn doubled(&self) -> Masses {
+        let twice: Vec<Block> = self.blocks.iter().map(|b| b.map(|m| 2.0 * m)).collect();
+        self.at_least(&twice)
     }
 
     /// Whether no node weighs less than `least` in any direction.

@@ -34,7 +34,7 @@ impl LineLaw {
         }
     }
 
-    /// The greatest ∂N/∂λ \[N\] of a law that is slack below some stretch, at activation `a`; 0 for others.
+    /// What ∂N/∂λ \[N\] is at most, of a law with a toe at activation `a`; 0 for others, which say all by where they are.
     pub fn taut_stiffness(&self, a: f64) -> f64 {
         match self {
             LineLaw::Thermal(ThermalFibre { toe: Some(_), stiffness, contraction, strain }) => match strain {

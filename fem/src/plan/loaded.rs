@@ -34,6 +34,9 @@ pub struct LoadedIsland {
     guess: Vec<Option<[f64; 3]>>,
 }
 
+/// Overwrites the stiffness \[N/m\] of one group of an effect.
+type StiffnessOf<'a> = dyn Fn(&dyn Effect, usize, &mut [f64]) + Sync + 'a;
+
 impl LoadedIsland {
     /// The island on its way from `start` to `end`.
     pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
@@ -93,13 +96,13 @@ impl LoadedIsland {
     }
 
     /// Stiffness of a group some nodes of which follow others, over its nodes and those that they follow: rows and columns are where they
-    /// count.
-    fn tied_stiffness(&self, t: &TiedGroup, s: &State, convexity: f64) -> Vec<f64> {
+    /// count. `of` overwrites the stiffness of a group of an effect.
+    fn tied_stiffness(&self, t: &TiedGroup, of: &StiffnessOf) -> Vec<f64> {
         let island = &self.island;
         let effect = &island.effects[t.effect];
         let (m, n) = (3 * effect.nodes_per_group(), 3 * t.nodes.len());
         let mut small = vec![0.0; m * m];
-        self.effect(t.effect, |effect| effect.stiffness(s, convexity, t.group, &mut small));
+        self.effect(t.effect, |effect| of(effect, t.group, &mut small));
         let mut full = vec![0.0; n * n];
         for r in 0..m {
             full[r * n..r * n + m].copy_from_slice(&small[r * m..(r + 1) * m]);
@@ -145,12 +148,12 @@ impl LoadedIsland {
 
     /// Hands the stiffness of every group some nodes of which follow others to `see`, in their order; computed in parallel, so many at a
     /// time that memory stays small.
-    fn each_tied(&self, s: &State, convexity: f64, mut see: impl FnMut(&TiedGroup, &[f64])) {
+    fn each_tied(&self, of: &StiffnessOf, mut see: impl FnMut(&TiedGroup, &[f64])) {
         let island = &self.island;
         let is_there = |t: &&TiedGroup| !island.effects[t.effect].is_linear();
         let tied: Vec<&TiedGroup> = island.tied.iter().filter(is_there).collect();
         for some in tied.chunks(TIED_AT_ONCE) {
-            let all: Vec<_> = some.par_iter().map(|t| self.tied_stiffness(t, s, convexity)).collect();
+            let all: Vec<_> = some.par_iter().map(|t| self.tied_stiffness(t, of)).collect();
             some.iter().zip(&all).for_each(|(t, full)| see(t, full));
         }
     }
@@ -257,7 +260,7 @@ impl Potential for LoadedIsland {
             island.over_means().for_each(|e| add(e, &mut inner));
             over.galerkin.add_stiffness(&inner, k);
         }
-        self.each_tied(&s, convexity, |t, full| {
+        self.each_tied(&|effect, group, out| effect.stiffness(&s, convexity, group, out), |t, full| {
             let n = 3 * t.nodes.len();
             let places = t.nodes.iter().enumerate();
             let free: Vec<_> = places.filter_map(|(a, &n)| Some((a, island.free_index(n)?))).collect();
@@ -302,7 +305,7 @@ impl Potential for LoadedIsland {
             });
         }
         let blocks = blocks.as_chunks_mut::<9>().0;
-        self.each_tied(&s, 1.0, |t, full| {
+        self.each_tied(&|effect, group, out| effect.taut_stiffness(&s, group, out), |t, full| {
             let n = 3 * t.nodes.len();
             for (a, &node) in t.nodes.iter().enumerate() {
                 if let Some(free) = island.free_index(node) {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Motion {
     /// Time steps.
     pub steps: usize,
-    /// Time steps that were taken back, as masses were too small at their end.
+    /// Time steps that were taken back, as they turned out too long for the stiffness at their end.
     pub repeated: usize,
     /// Shortest time step \[s\], the last one left out.
     pub time_step: f64,

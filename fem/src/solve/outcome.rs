@@ -175,8 +175,8 @@ impl std::fmt::Display for Reason {
             Reason::NoMass { node } => write!(f, "{node} has no mass: no solid with inertia is there"),
             Reason::BlowsUp => write!(
                 f,
-                "the motion blows up, with however much mass its time step is tried; a smaller `time_step_factor`, or a slower way, carries \
-                 it through"
+                "the motion blows up, however few steps are taken at a time and with however much mass; a smaller `time_step_factor`, or a slower way, \
+                 may carry it through"
             ),
             Reason::Imbalance { missing, in_play } => write!(
                 f,
