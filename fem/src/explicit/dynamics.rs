@@ -25,8 +25,6 @@ const MAX_REPEATS: usize = 20;
 const SAMPLE: usize = 5;
 /// Quotient h²ω² of a step beyond which it is near the end of the stable ones.
 const STABLE: f64 = 3.9;
-/// Quotient beyond which it is none of them.
-const UNSTABLE: f64 = 4.0;
 /// Fraction of the way to a collision that a shortened step goes.
 const SHORT_OF: f64 = 0.9;
 /// Steps shorter than this fraction of the frame are not tried.
@@ -212,16 +210,16 @@ impl Dynamics {
             }
             let look =
                 if at.is_finite() { looks.again(course.potential, &at.x, &stride) } else { Look::BlownUp };
-            let is_borne = matches!(look, Look::Borne(_)) && quotient <= UNSTABLE;
+            // The quotient alone says nothing: where bodies drive it from rest, forces change that no stiffness of a free node answers for.
+            let is_borne = matches!(look, Look::Borne(_));
             if is_borne && is_held_up {
                 return Err(Reason::Touch);
             }
             let next = match look {
-                Look::Borne(next) if is_borne => next,
-                Look::TooStiff(next) => next,
+                Look::Borne(next) | Look::TooStiff(next) => next,
                 // The look knows no more than that it was too long.
-                _ if block == 1 => stride.doubled(looks.factor),
-                _ => stride.clone(),
+                Look::BlownUp if block == 1 => stride.doubled(looks.factor),
+                Look::BlownUp => stride.clone(),
             };
             if is_borne {
                 round_off = round_off.max(stride.round_off(&at.x));
