@@ -4,3 +4,4 @@
 
 mod kernels;
 mod scenes;
+mod softened;
