@@ -260,7 +260,7 @@ fn what_no_knee_does_is_told() {
     );
 }
 
-/// The quadriceps as tissue, as coarse as it goes: an equilibrium, nothing through anything by a test that contact has no part
+/// The quadriceps as tissue, as coarse as it goes, on two frames: equilibria, nothing through anything by a test that contact has no part
 /// in, and the same bytes on one and on two threads.
 #[test]
 fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
@@ -268,12 +268,12 @@ fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
     let resolution = Resolution { edge: 14e-3, cell: Some(30e-3) };
     let knee = || subject.knee_with(ContactMode::Guarded, Quadriceps::Tissue(resolution)).unwrap();
     // Beside the reference pose, so that the way there is short.
-    let poses = [subject.path.at(3.0)];
-    let bend = |threads: usize| {
+    let poses = [2.0, 5.0].map(|flexion| subject.path.at(flexion));
+    let bend = |threads: usize, poses: &[Coordinates]| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| flex(knee(), &poses, 0.0, &Settings::default()))
+        pool.install(|| flex(knee(), poses, 0.0, &Settings::default()))
     };
-    let (one, two) = (bend(1), bend(2));
+    let (one, two) = (bend(1, &poses), bend(2, &poses[..1]));
     assert!(one.stopped.is_none(), "{:?}", one.stopped_told());
     let bits = |bent: &Bent| -> Vec<u64> { bent.run.frames[0].x.iter().map(|v| v.to_bits()).collect() };
     assert!(bits(&one) == bits(&two), "on one and on two threads");
@@ -291,9 +291,10 @@ fn a_quadriceps_of_tissue_lies_on_the_femur_and_goes_through_nothing() {
         // What pulls is stretched tissue alone: some newtons.
         assert!((0.0..20.0).contains(&f.contact.force.norm()), "{}", f.contact.force.norm());
     }
+    assert!(one.frames[1].muscles.unwrap().stress[0] > one.frames[0].muscles.unwrap().stress[0]);
     // The test of crossings sees what it should: the same nodes with the femur pushed 4 mm forward into them.
     let muscles = one.knee.muscles.as_ref().unwrap();
-    let pushed: Vec<f64> = one.run.frames[0].x.chunks(3).flat_map(|p| [p[0] - 4e-3, p[1], p[2]]).collect();
+    let pushed: Vec<f64> = one.run.frames[1].x.chunks(3).flat_map(|p| [p[0] - 4e-3, p[1], p[2]]).collect();
     assert!(muscles.through_femur(&pushed) > 0);
 }
 

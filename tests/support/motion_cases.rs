@@ -68,26 +68,24 @@ pub fn noise() -> Result<String, String> {
 pub fn dropout() -> Result<String, String> {
     let (template, model, frames) = fitted(Knee::Hinge, Ankle::Universal);
     let postures: Vec<_> = frames.iter().map(|f| f.Q).collect();
+    let full = trial_of(&model, &template, &postures);
     let segments = [SegmentId::Foot, SegmentId::Shank, SegmentId::Thigh, SegmentId::Pelvis];
-    for gap in [1, 10, 200] {
-        let range = 1..(1 + gap).min(postures.len());
-        // Ten frames behind a gap show whether it leaves anything behind.
-        let postures = &postures[..(range.end + 10).min(postures.len())];
-        let full = trial_of(&model, &template, postures);
-        for segment in segments {
-            let tracks: Vec<usize> =
-                model.markers.iter().filter(|m| m.segment == segment).map(|m| m.track).collect();
-            for lost in 1..=tracks.len() {
+    for segment in segments {
+        let tracks: Vec<usize> =
+            model.markers.iter().filter(|m| m.segment == segment).map(|m| m.track).collect();
+        for lost in 1..=tracks.len() {
+            for gap in [1, 10, 200] {
                 let mut trial = full.clone();
+                let range = 1..(1 + gap).min(postures.len());
                 for &track in &tracks[..lost] {
                     range.clone().for_each(|k| trial.markers[track].position[k] = None);
                 }
-                check_lost(&model, &trial, postures, range.clone(), segment, tracks.len() - lost);
+                check_lost(&model, &trial, &postures, range, segment, tracks.len() - lost);
             }
         }
     }
     // Whole frames.
-    let mut trial = trial_of(&model, &template, &postures);
+    let mut trial = full.clone();
     for track in &mut trial.markers {
         (50..60).for_each(|k| track.position[k] = None);
     }
