@@ -208,36 +208,35 @@ impl Dynamics {
             if !(quotient <= STABLE) {
                 looks.stiffest(&course.dx);
             }
-            let look =
-                if at.is_finite() { looks.again(course.potential, &at.x, &stride) } else { Look::BlownUp };
             // The quotient alone says nothing: where bodies drive it from rest, forces change that no stiffness of a free node answers for.
-            let is_borne = matches!(look, Look::Borne(_));
-            if is_borne && is_held_up {
-                return Err(Reason::Touch);
-            }
-            let next = match look {
-                Look::Borne(next) | Look::TooStiff(next) => next,
-                // The look knows no more than that it was too long.
-                Look::BlownUp if block == 1 => stride.doubled(looks.factor),
-                Look::BlownUp => stride.clone(),
-            };
-            if is_borne {
-                round_off = round_off.max(stride.round_off(&at.x));
-                if at.time >= course.duration {
-                    return Ok((stride, round_off));
-                }
-                (block, repeats) = ((2 * block).min(longest), 0);
+            let look = if at.is_finite() {
+                looks.again(course.potential, &at.x, &stride)
             } else {
-                if repeats == MAX_REPEATS {
-                    return Err(Reason::BlowsUp);
+                Look::TooLong(None)
+            };
+            let next = match look {
+                Look::Borne(_) if is_held_up => return Err(Reason::Touch),
+                Look::Borne(next) => {
+                    round_off = round_off.max(stride.round_off(&at.x));
+                    if at.time >= course.duration {
+                        return Ok((stride, round_off));
+                    }
+                    (block, repeats) = ((2 * block).min(longest), 0);
+                    next
                 }
-                (block, repeats) = ((block / 2).max(1), repeats + 1);
-                let taken = at.motion.taken();
-                at.clone_from(&kept);
-                at.motion.repeated = taken - at.motion.steps;
-                course.potential.set_load(at.time / course.duration, &mut at.x);
-                course.potential.renew(&at.x);
-            }
+                Look::TooLong(_) if repeats == MAX_REPEATS => return Err(Reason::BlowsUp),
+                Look::TooLong(enough) => {
+                    let taken = at.motion.taken();
+                    at.clone_from(&kept);
+                    at.motion.repeated = taken - at.motion.steps;
+                    course.potential.set_load(at.time / course.duration, &mut at.x);
+                    course.potential.renew(&at.x);
+                    let same = || if block == 1 { stride.doubled(looks.factor) } else { stride.clone() };
+                    let next = enough.unwrap_or_else(same);
+                    (block, repeats) = ((block / 2).max(1), repeats + 1);
+                    next
+                }
+            };
             at.motion.kinetic_before += 0.5 * (next.masses.square(&at.v) - stride.masses.square(&at.v));
             at.motion.added_mass = at.motion.added_mass.max(next.masses.added);
             stride = next;
@@ -407,18 +406,18 @@ struct Looks<'a> {
     factor: f64,
     /// The longest step at the start that the given masses bear \[s\].
     natural: f64,
+    /// Where mass is added.
     bound: Bound,
+    /// The shape of the given masses that is fastest, for the next time.
     vector: Vec<f64>,
 }
 
 /// What a look at the end of some steps says of them.
 enum Look {
-    /// The masses were enough; how to go on.
+    /// They were short enough for the stiffness there; how to go on.
     Borne(Stride),
-    /// They were not; what would have been.
-    TooStiff(Stride),
-    /// Nothing can be said of the stiffness.
-    BlownUp,
+    /// They were not; what would have been enough, where there is a stiffness to speak of.
+    TooLong(Option<Stride>),
 }
 
 impl Looks<'_> {
@@ -435,8 +434,8 @@ impl Looks<'_> {
         }
         let h = self.factor * self.natural;
         match self.again(potential, x, &Stride { h, masses }) {
-            Look::Borne(stride) | Look::TooStiff(stride) => Ok(stride),
-            Look::BlownUp => Err(Reason::BlowsUp),
+            Look::Borne(stride) | Look::TooLong(Some(stride)) => Ok(stride),
+            Look::TooLong(None) => Err(Reason::BlowsUp),
         }
     }
 
@@ -449,24 +448,24 @@ impl Looks<'_> {
             let next = Stride { h: 2.0 / (MARGIN * fastest).sqrt(), masses: masses.clone() };
             return match fastest * h * h {
                 square if square <= 4.0 => Look::Borne(next),
-                square if square.is_finite() => Look::TooStiff(next),
-                _ => Look::BlownUp,
+                square if square.is_finite() => Look::TooLong(Some(next)),
+                _ => Look::TooLong(None),
             };
         }
         self.bound.renew(potential, x);
         if !self.bound.is_finite() {
-            return Look::BlownUp;
+            return Look::TooLong(None);
         }
         let least = |room: f64| self.bound.times(0.25 * room * h * h);
         match masses.cover(&least(1.0)) {
             true => Look::Borne(Stride { h: *h, masses: Masses::new(self.given, &least(ROOM)) }),
-            false => Look::TooStiff(Stride { h: *h, masses: masses.at_least(&least(ROOM)) }),
+            false => Look::TooLong(Some(Stride { h: *h, masses: masses.at_least(&least(ROOM)) })),
         }
     }
 
     /// Has the next look begin with the shape `dx` of a step that was too long.
     fn stiffest(&mut self, dx: &[f64]) {
-        let vector = if self.factor > 1.0 { self.bound.vector_mut() } else { &mut self.vector };
+        let vector = if self.factor > 1.0 { &mut self.bound.vector } else { &mut self.vector };
         vector.clear();
         vector.extend(dx);
     }

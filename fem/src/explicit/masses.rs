@@ -21,7 +21,7 @@ pub struct Bound {
     /// λ, with [`MARGIN`].
     pub largest: f64,
     /// The shape that is stiffest beside D, for the next time.
-    vector: Vec<f64>,
+    pub vector: Vec<f64>,
 }
 
 /// Nodes that one task takes; the pieces of sums, too, so that they are the same on any number of threads.
@@ -54,11 +54,6 @@ impl Bound {
     /// Whether there is a stiffness to speak of: a motion that has blown up has none.
     pub fn is_finite(&self) -> bool {
         self.largest.is_finite() && self.blocks.as_flattened().iter().all(|b| b.is_finite())
-    }
-
-    /// The shape with which the next look begins.
-    pub fn vector_mut(&mut self) -> &mut Vec<f64> {
-        &mut self.vector
     }
 
     /// Residual \[N\] that round-off of the positions `x` within their body alone can make: ε · extent in every position times its stiffness.

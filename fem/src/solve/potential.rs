@@ -36,7 +36,8 @@ pub trait Potential: Send + Sync {
     fn hessian(&self, x: &[f64], convexity: f64, k: &mut BlockMatrix);
 
     /// Diagonal 3×3 blocks of the Hessian \[N/m\], 9 values row-major per free node, of terms that have lost all their negative curvatures,
-    /// and with strands and fibres with a toe that are slack as stiff as taut ones (not where nodes are means of others); overwrites `blocks`. Solvers without matrices measure nodes by them.
+    /// and with strands and fibres with a toe that are slack as stiff as taut ones (not where nodes are means of others); overwrites `blocks`.
+    /// Solvers without matrices measure nodes by them.
     fn diagonal_blocks(&self, x: &[f64], blocks: &mut [f64]) {
         let mut k = BlockMatrix::zeros(self.pattern().clone());
         self.hessian(x, 1.0, &mut k);
