@@ -8,24 +8,28 @@ use support::Random;
 use support::contact_scenes::*;
 use support::fem_scenes::{held, plan};
 
+/// Two blocks 1.5 mm apart in so many cells, in contact, and the first node of the upper one.
+fn blocks(n: [[usize; 3]; 2]) -> (Plan, usize) {
+    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
+    let (scene, mesh) = two_blocks(n, 1.5e-3, spec);
+    (plan(&scene, &mesh), n[0].iter().map(|n| n + 1).product())
+}
+
 /// Softened contact pushes a block out of the one that it is in, harder the deeper it is.
 #[test]
 fn softened_contact_pushes_out() {
-    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
-    let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 1.5e-3, spec);
-    let plan = plan(&scene, &mesh);
+    let (plan, first) = blocks([[4, 4, 2], [5, 5, 2]]);
     let contact = contact_of(&plan);
-    let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
     let upward = |closer: f64| -> f64 {
         let mut x = plan.reference();
-        for n in first..mesh.points.len() {
+        for n in first..plan.mesh.points.len() {
             // Aside, so that no sides are flush.
             (x[3 * n], x[3 * n + 1], x[3 * n + 2]) =
                 (x[3 * n] + 3.1e-3, x[3 * n + 1] + 2.3e-3, x[3 * n + 2] - closer);
         }
         let mut g = vec![0.0; x.len()];
         contact.add_gradient(&x, 0.3, &mut g);
-        -(first..mesh.points.len()).map(|n| g[3 * n + 2]).sum::<f64>()
+        -(first..plan.mesh.points.len()).map(|n| g[3 * n + 2]).sum::<f64>()
     };
     let forces = [1.0e-3, 1.4e-3, 1.6e-3, 2.5e-3, 3.5e-3].map(upward);
     println!("{forces:?} N");
@@ -35,12 +39,9 @@ fn softened_contact_pushes_out() {
 /// What was deep inside, deeper than is looked, is still inside when it comes closer to the surface again.
 #[test]
 fn softened_contact_finds_what_comes_back_from_deep_inside() {
-    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
-    let (scene, mesh) = two_blocks([[16, 16, 8], [13, 13, 6]], 1.5e-3, spec);
-    let first = mesh.points.len() - 14 * 14 * 7; // of the upper block
-    let lowered = |plan: &Plan, by: f64| {
+    let lowered = |(plan, first): &(Plan, usize), by: f64| {
         let mut x = plan.reference();
-        for n in first..mesh.points.len() {
+        for n in *first..plan.mesh.points.len() {
             (x[3 * n], x[3 * n + 1], x[3 * n + 2]) =
                 (x[3 * n] + 3.1e-3, x[3 * n + 1] + 2.3e-3, x[3 * n + 2] - by);
         }
@@ -49,9 +50,9 @@ fn softened_contact_finds_what_comes_back_from_deep_inside() {
     for softness in SAMPLED_DIFFERENTLY {
         // Energies where the upper block is lowered by one way after the other.
         let energies = |ways: &[f64]| -> Vec<f64> {
-            let plan = plan(&scene, &mesh);
-            let contact = contact_of(&plan);
-            ways.iter().map(|&by| contact.energy(&lowered(&plan, by), softness)).collect()
+            let blocks = blocks([[16, 16, 8], [13, 13, 6]]);
+            let contact = contact_of(&blocks.0);
+            ways.iter().map(|&by| contact.energy(&lowered(&blocks, by), softness)).collect()
         };
         let there = energies(&[3.5e-3])[0];
         let and_back = energies(&[5.7e-3, 3.5e-3])[1];
@@ -63,19 +64,17 @@ fn softened_contact_finds_what_comes_back_from_deep_inside() {
 /// to the last bit.
 #[test]
 fn what_was_found_before_changes_nothing() {
-    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
-    let (scene, mesh) = two_blocks([[6, 6, 3], [5, 5, 2]], 1.5e-3, spec);
-    let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
-    let remembers = plan(&scene, &mesh);
+    let n = [[6, 6, 3], [5, 5, 2]];
+    let (remembers, first) = blocks(n);
     let mut random = Random::new(11);
     let (mut way, mut touching) = ([3.1e-3, 2.3e-3, -1e-3], 0);
     for round in 0..40 {
         let mut x = remembers.reference();
-        for n in first..mesh.points.len() {
+        for n in first..remembers.mesh.points.len() {
             (0..3).for_each(|c| x[3 * n + c] += way[c] + 2e-4 * random.uniform());
         }
         let softness = SAMPLED_DIFFERENTLY[usize::from(round % 8 > 2)];
-        let fresh = contact_of(&plan(&scene, &mesh)).energy(&x, softness);
+        let fresh = contact_of(&blocks(n).0).energy(&x, softness);
         assert_eq!(
             contact_of(&remembers).energy(&x, softness),
             fresh,
@@ -93,17 +92,14 @@ fn what_was_found_before_changes_nothing() {
 /// No sample that is inside a block, or nearly so, is missed, wherever the corners around it are.
 #[test]
 fn every_sample_inside_a_block_is_found() {
-    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
-    let (scene, mesh) = two_blocks([[3, 3, 2], [5, 5, 2]], 1.5e-3, spec);
-    let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
-    let plan = plan(&scene, &mesh);
+    let (plan, first) = blocks([[3, 3, 2], [5, 5, 2]]);
     let contact = contact_of(&plan);
     let mut random = Random::new(12);
     let (mut n_inside, mut n_without_corners) = (0, 0);
     for round in 0..20 {
         let way = [8e-3 * random.uniform(), 8e-3 * random.uniform(), -4e-3 + 2e-3 * random.uniform()];
         let mut x = plan.reference();
-        for n in first..mesh.points.len() {
+        for n in first..plan.mesh.points.len() {
             (0..3).for_each(|c| x[3 * n + c] += way[c]);
         }
         let all = &contact.surfaces;
@@ -169,13 +165,11 @@ fn softened_contact_finds_the_way_back_through_thin_bodies() {
 /// A face that folds over takes nobody in who is on its other side and has hardly moved.
 #[test]
 fn a_folded_face_takes_nobody_in_who_has_not_moved() {
-    let spec = ContactSpec { distance: 1e-3, ..ContactSpec::new(&["lower_block", "upper_block"]) };
-    let (scene, mesh) = two_blocks([[4, 4, 2], [5, 5, 2]], 1.5e-3, spec);
-    let plan = plan(&scene, &mesh);
+    let (plan, first) = blocks([[4, 4, 2], [5, 5, 2]]);
     let contact = contact_of(&plan);
-    let first = mesh.points.len() - 6 * 6 * 3; // of the upper block
-    let height = mesh.points[..first].iter().map(|p| p[2]).fold(0.0, f64::max);
-    let top: Vec<usize> = (0..first).filter(|&n| mesh.points[n][2] > height - 1e-9).collect();
+    let lower = &plan.mesh.points[..first];
+    let height = lower.iter().map(|p| p[2]).fold(0.0, f64::max);
+    let top: Vec<usize> = (0..first).filter(|&n| lower[n][2] > height - 1e-9).collect();
     assert_eq!(top.len(), 5 * 5);
     for softness in SAMPLED_DIFFERENTLY {
         // A node of the top, raised by less than leaves the blocks out of reach, goes over its neighbours in strides of half a millimetre.
