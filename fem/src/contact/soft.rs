@@ -100,13 +100,18 @@ impl Contact {
             all.list.par_iter().map(|s| Aabb::around(u[s.samples.clone()].iter())).collect();
         let against =
             |point: usize, other: usize| spans[other].farthest(&Aabb { lo: u[point], hi: u[point] });
-        // Surfaces no point of which goes too far are left out.
-        let farthest_of = |(s, surface): (usize, &Surface)| {
-            let others = self.partners.of[s].iter().filter(|&&o| spans[o].farthest(&spans[s]) > longest);
-            let of_point = |point: usize| others.clone().map(|&o| against(point, o)).fold(0.0, f64::max);
-            surface.samples.clone().map(of_point).fold(longest, f64::max)
-        };
-        let farthest = all.list.par_iter().enumerate().map(farthest_of).reduce(|| longest, f64::max);
+        // What surfaces do together is no less than what their points do: pairs that can change nothing are left out.
+        let pairs = (0..all.list.len()).flat_map(|s| self.partners.of[s].iter().map(move |&o| (s, o)));
+        let mut pairs: Vec<_> = pairs.map(|(s, o)| (spans[o].farthest(&spans[s]), s, o)).collect();
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut farthest = longest;
+        for (bound, s, o) in pairs {
+            if bound <= farthest {
+                break;
+            }
+            let samples = all.list[s].samples.clone().into_par_iter().with_min_len(1024);
+            farthest = samples.map(|point| against(point, o)).reduce(|| farthest, f64::max);
+        }
         let mut fraction = longest / farthest;
         let least = |point: usize, other: usize| fraction * against(point, other);
         let ahead = self.near_within(&start, sampled(softness), &least, longest, 0.0);
