@@ -12,7 +12,7 @@ use super::predictor::KinematicPredictor;
 use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};
 use crate::contact::{Contact, ContactTerm};
-use crate::effect::{Effect, IslandTerm, NO_NODE, State};
+use crate::effect::{Effect, EffectKind, IslandTerm, NO_NODE, State};
 use crate::solve::{Galerkin, PRESCRIBED, Pattern, Slots};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -55,6 +55,8 @@ pub struct Island {
     pub(super) tied: Vec<TiedGroup>,
     /// Effect and group of the cells with a volume all of whose nodes are prescribed.
     prescribed: Vec<(usize, usize)>,
+    /// Of each effect of solids the groups that reach supports.
+    supported: Vec<Vec<usize>>,
     /// Forces \[N\] below which nothing is in play.
     pub(super) least_scale: f64,
 }
@@ -168,6 +170,15 @@ impl Island {
             prescribed
                 .extend(held.map(|(g, _)| (e, g)).filter(|&(_, g)| effect.group_det_f(&rest, g).is_some()));
         }
+        let is_support = |n: &u32| *n != NO_NODE && motion[*n as usize].iter().any(Motion::is_support);
+        let supported = |effect: &dyn Effect| -> Vec<usize> {
+            let groups = effect.nodes().chunks_exact(effect.nodes_per_group()).enumerate();
+            groups.filter(|(_, group)| group.iter().any(is_support)).map(|(g, _)| g).collect()
+        };
+        let is_solid = |effect: &dyn Effect| effect.kind() == EffectKind::Matrix;
+        let supported =
+            effects.iter().map(|e| if is_solid(e.as_ref()) { supported(e.as_ref()) } else { Vec::new() });
+        let supported = supported.collect();
         let least_scale = effects.iter().map(|e| strain_force(e.as_ref(), &rest)).fold(0.0, f64::max);
         Island {
             name,
@@ -189,6 +200,7 @@ impl Island {
             over_means,
             tied,
             prescribed,
+            supported,
             least_scale,
         }
     }
@@ -277,6 +289,17 @@ impl Island {
         worst
     }
 
+    /// Adds to `g` what an effect of solids puts on supports \[N\], and what the same groups put elsewhere.
+    pub(super) fn add_support_forces(&self, effect: usize, s: &State, g: &mut [f64]) {
+        let (e, groups) = (&self.effects[effect], &self.supported[effect]);
+        let m = e.nodes_per_group();
+        let mut forces = vec![0.0; 3 * m * groups.len()];
+        let each = forces.par_chunks_exact_mut(3 * m).zip(groups).with_min_len(FORCE_BATCH);
+        each.for_each(|(out, &group)| e.forces(s, group, out));
+        let nodes = groups.iter().flat_map(|group| &e.nodes()[m * group..m * (group + 1)]);
+        add_at(nodes, &forces, g);
+    }
+
     /// ∂Π/∂x \[N\] of one effect over all local nodes, prescribed ones included.
     pub fn effect_gradient(&self, effect: usize, s: &State) -> Vec<f64> {
         let e = &self.effects[effect];
@@ -285,14 +308,17 @@ impl Island {
         let chunks = forces.par_chunks_mut(3 * m * FORCE_BATCH).enumerate();
         chunks.for_each(|(i, out)| e.forces(s, i * FORCE_BATCH, out));
         let mut g = vec![0.0; s.x.len()];
-        for (&n, f) in e.nodes().iter().zip(forces.chunks_exact(3)) {
-            if n != NO_NODE {
-                for i in 0..3 {
-                    g[3 * n as usize + i] += f[i];
-                }
-            }
-        }
+        add_at(e.nodes(), &forces, &mut g);
         g
+    }
+}
+
+/// Adds `forces`, three for each of `nodes`, to those of all nodes.
+fn add_at<'a>(nodes: impl IntoIterator<Item = &'a u32>, forces: &[f64], all: &mut [f64]) {
+    for (&n, f) in nodes.into_iter().zip(forces.as_chunks::<3>().0) {
+        if n != NO_NODE {
+            (0..3).for_each(|c| all[3 * n as usize + c] += f[c]);
+        }
     }
 }
 

@@ -73,6 +73,11 @@ impl Motion {
             Motion::Held | Motion::Control(..) | Motion::Body(_) => false,
         }
     }
+
+    /// Whether forces on it are, in part, those of a support.
+    pub(super) fn is_support(&self) -> bool {
+        !self.is_unknown() || matches!(self, Motion::Slides(_))
+    }
 }
 
 /// Values of the controls and poses of the bodies at one time, in the order of the plan.

@@ -335,19 +335,21 @@ impl Potential for LoadedIsland {
         let mut total = vec![0.0; x.len()];
         let mut scale = island.least_scale;
         for (e, effect) in island.effects.iter().enumerate() {
+            if effect.kind() == EffectKind::Matrix {
+                island.add_support_forces(e, &s, &mut total);
+                continue;
+            }
             let mut g = island.effect_gradient(e, &s);
             if effect.kind() == EffectKind::Load {
                 let motions = island.motion.iter().flatten();
                 g.iter_mut().zip(motions).filter(|(_, m)| !m.is_unknown()).for_each(|(g, _)| *g = 0.0);
             }
-            if effect.kind() != EffectKind::Matrix {
-                scale = scale.max(norm(&g));
-            }
+            scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
         scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
         for (n, motion) in island.motion.iter().enumerate() {
-            let is_moved = |c: &usize| motion[*c].is_unknown() && !matches!(motion[*c], Motion::Slides(_));
+            let is_moved = |c: &usize| !motion[*c].is_support();
             (0..3).filter(is_moved).for_each(|c| total[3 * n + c] = 0.0);
         }
         for (&n, slide) in &island.slides {
