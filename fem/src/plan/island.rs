@@ -171,13 +171,11 @@ impl Island {
                 .extend(held.map(|(g, _)| (e, g)).filter(|&(_, g)| effect.group_det_f(&rest, g).is_some()));
         }
         let is_support = |n: &u32| *n != NO_NODE && motion[*n as usize].iter().any(Motion::is_support);
-        let supported = |effect: &dyn Effect| -> Vec<usize> {
+        let supported = effects.iter().map(|effect| {
             let groups = effect.nodes().chunks_exact(effect.nodes_per_group()).enumerate();
-            groups.filter(|(_, group)| group.iter().any(is_support)).map(|(g, _)| g).collect()
-        };
-        let is_solid = |effect: &dyn Effect| effect.kind() == EffectKind::Matrix;
-        let supported =
-            effects.iter().map(|e| if is_solid(e.as_ref()) { supported(e.as_ref()) } else { Vec::new() });
+            let is_solid = effect.kind() == EffectKind::Matrix;
+            groups.filter(|(_, group)| is_solid && group.iter().any(is_support)).map(|(g, _)| g).collect()
+        });
         let supported = supported.collect();
         let least_scale = effects.iter().map(|e| strain_force(e.as_ref(), &rest)).fold(0.0, f64::max);
         Island {
