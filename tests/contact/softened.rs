@@ -4,6 +4,7 @@ use super::scenes::{SAMPLED_DIFFERENTLY, contact_of};
 use fem::mesh::{Mesh, generate};
 use fem::plan::Plan;
 use fem::scene::*;
+use nalgebra::Vector3;
 use support::Random;
 use support::contact_scenes::*;
 use support::fem_scenes::{held, plan};
@@ -34,6 +35,42 @@ fn softened_contact_pushes_out() {
     let forces = [1.0e-3, 1.4e-3, 1.6e-3, 2.5e-3, 3.5e-3].map(upward);
     println!("{forces:?} N");
     assert!(forces[0] > 0.0 && forces.windows(2).all(|f| f[1] > f[0]), "{forces:?}");
+}
+
+/// Where nothing is ahead a softened step ends where a point has gone so far beside what any point of the other surface does, along every axis,
+/// as a step may be long.
+#[test]
+fn a_softened_step_is_as_long_as_points_may_go_beside_another_surface() {
+    let (plan, first) = blocks([[4, 4, 2], [5, 5, 2]]);
+    let contact = contact_of(&plan);
+    let (start, longest) = (plan.reference(), contact.longest_soft_step());
+    let mut random = Random::new(13);
+    for noise in [0.0, 5e-3] {
+        for round in 0..10 {
+            let away = [0.05 * random.uniform(), 0.05 * random.uniform(), 0.05];
+            let mut to = start.clone();
+            for n in 0..to.len() / 3 {
+                let by = if n < first { [0.0; 3] } else { away };
+                (0..3).for_each(|c| to[3 * n + c] += by[c] + noise * random.uniform());
+            }
+            let [before, after] = [&start, &to].map(|x| contact.surfaces.positions(x));
+            let u: Vec<_> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+            let [mine, theirs] = [0, 1].map(|s| &u[contact.surfaces.list[s].samples.clone()]);
+            let beside = |u: &Vector3<f64>, of: &[Vector3<f64>]| {
+                let along = |c: usize| of.iter().map(|v| (u[c] - v[c]).abs()).fold(0.0, f64::max);
+                Vector3::new(along(0), along(1), along(2)).norm()
+            };
+            let farthest = |of: &[Vector3<f64>], all: &[Vector3<f64>]| {
+                of.iter().map(|u| beside(u, all)).fold(0.0, f64::max)
+            };
+            let wanted = longest / farthest(mine, theirs).max(farthest(theirs, mine));
+            let fraction = contact.soft_step(&start, &to, 0.3);
+            assert!(
+                wanted < 0.5 && (fraction / wanted - 1.0).abs() < 1e-12,
+                "{round}: {fraction} for {wanted}"
+            );
+        }
+    }
 }
 
 /// What was deep inside, deeper than is looked, is still inside when it comes closer to the surface again.
