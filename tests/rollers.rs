@@ -59,10 +59,12 @@ fn a_turned_block_on_oblique_rollers_is_the_block_turned() {
     let apart = apart.map(|(a, b)| (R * Vector3::from_row_slice(a) - Vector3::from_row_slice(b)).norm());
     let apart = apart.fold(0.0, f64::max);
     assert!(apart < 1e-11, "{apart:.1e} m apart");
-    // So are the forces in play, where supports alone exert them.
-    let scale = |plan: &Plan| solve(plan, &[("press", 1.0)], &tolerance(1e-11)).islands[0].force_scale;
-    let (wanted, found) = (scale(&straight), scale(&plan));
-    assert!((found / wanted - 1.0).abs() < 1e-8, "{found} N, should be {wanted} N");
+    // So are the forces in play, where supports alone exert them and where weight does.
+    let scale = |plan: &Plan, loads| solve(plan, loads, &tolerance(1e-11)).islands[0].force_scale;
+    for loads in [&[("press", 1.0)][..], &[("g", 20.0)], &LOADS] {
+        let (wanted, found) = (scale(&straight, loads), scale(&plan, loads));
+        assert!((found / wanted - 1.0).abs() < 1e-8, "{loads:?}: {found} N, should be {wanted} N");
+    }
     // Their reactions are turned with them.
     for set in ["x_min", "y_min", "z_min", "z_max"] {
         let of = |plan: &Plan, frame: &Frame| {

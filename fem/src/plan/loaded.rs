@@ -343,6 +343,12 @@ impl Potential for LoadedIsland {
             if effect.kind() == EffectKind::Load {
                 let motions = island.motion.iter().flatten();
                 g.iter_mut().zip(motions).filter(|(_, m)| !m.is_unknown()).for_each(|(g, _)| *g = 0.0);
+                // What a support takes at once is not in play, oblique or not.
+                for (&n, slide) in &island.slides {
+                    let i = 3 * n as usize;
+                    let load = Vector3::from_column_slice(&g[i..i + 3]);
+                    g[i..i + 3].copy_from_slice((load - slide.reaction(load)).as_slice());
+                }
             }
             scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
