@@ -17,7 +17,7 @@ pub use crate::contact::PairForce;
 
 use crate::body::Wrench;
 use crate::effect::State;
-use crate::plan::{Load, Motion, Plan};
+use crate::plan::{Load, Motion, Plan, on_supports};
 
 /// Positions of all nodes of the mesh \[m\] under a load: what measures look at.
 #[derive(Clone, Copy, Debug)]
@@ -167,14 +167,13 @@ pub fn support_wrench_of(plan: &Plan, at: Snapshot, g: &[f64], nodes: &[u32], ab
     let mut wrench = Wrench::default();
     for &n in nodes {
         let i = 3 * n as usize;
-        let f = match plan.motion[n as usize][0] {
-            Motion::Slides(of) => plan.slides[of as usize].reaction([g[i], g[i + 1], g[i + 2]].into()).into(),
-            _ => std::array::from_fn(|c| match plan.motion[n as usize][c].is_unknown() {
-                true => 0.0,
-                false => g[i + c],
-            }),
+        let motion = &plan.motion[n as usize];
+        let slide = match motion[0] {
+            Motion::Slides(of) => Some(&plan.slides[of as usize]),
+            _ => None,
         };
-        wrench.add(std::array::from_fn(|c| at.x[i + c] - about[c]), f);
+        let f = on_supports(motion, slide, [g[i], g[i + 1], g[i + 2]].into());
+        wrench.add(std::array::from_fn(|c| at.x[i + c] - about[c]), f.into());
     }
     wrench
 }

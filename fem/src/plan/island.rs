@@ -7,13 +7,14 @@
 #![allow(non_snake_case)]
 
 use super::free::FreeBody;
-use super::load::{Load, Mean, Motion};
+use super::load::{Load, Mean, Motion, on_supports};
 use super::predictor::KinematicPredictor;
 use super::slide::Slide;
 use super::tied::{TiedGroup, tied_group};
 use crate::contact::{Contact, ContactTerm};
 use crate::effect::{Effect, EffectKind, IslandTerm, NO_NODE, State};
 use crate::solve::{Galerkin, PRESCRIBED, Pattern, Slots};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -296,6 +297,14 @@ impl Island {
         each.for_each(|(out, &group)| e.forces(s, group, out));
         let nodes = groups.iter().flat_map(|group| &e.nodes()[m * group..m * (group + 1)]);
         add_at(nodes, &forces, g);
+    }
+
+    /// The part of `forces` \[N\] on all local nodes that supports carry.
+    pub(super) fn on_supports(&self, forces: &[f64]) -> Vec<f64> {
+        let of = |(n, force): (u32, &[f64; 3])| -> [f64; 3] {
+            on_supports(&self.motion[n as usize], self.slides.get(&n), Vector3::from(*force)).into()
+        };
+        (0..).zip(forces.as_chunks::<3>().0).flat_map(of).collect()
     }
 
     /// ∂Π/∂x \[N\] of one effect over all local nodes, prescribed ones included.

@@ -5,6 +5,7 @@
 use super::free::FreeBody;
 use super::slide::Slide;
 use crate::body::{Pose, interpolate};
+use nalgebra::Vector3;
 
 /// Nodes of which another is a fixed mean, with their weights, which add up to 1.
 pub type Mean = Vec<(u32, f64)>;
@@ -77,6 +78,14 @@ impl Motion {
     /// Whether forces on it are, in part, those of a support.
     pub(super) fn is_support(&self) -> bool {
         !self.is_unknown() || matches!(self, Motion::Slides(_))
+    }
+}
+
+/// The part of a `force` \[N\] on a node that its supports carry, by its `motion`, or by how it slides where it does.
+pub(crate) fn on_supports(motion: &[Motion; 3], slide: Option<&Slide>, force: Vector3<f64>) -> Vector3<f64> {
+    match slide {
+        Some(slide) => slide.reaction(force),
+        None => Vector3::from_fn(|c, _| if motion[c].is_unknown() { 0.0 } else { force[c] }),
     }
 }
 

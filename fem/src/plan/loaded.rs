@@ -11,7 +11,7 @@ use super::slide::Slide;
 use super::tied::TiedGroup;
 use crate::effect::{Anchored, Effect, EffectKind, IslandTerm, State};
 use crate::solve::{Admissible, BlockMatrix, Loading, Pattern, Potential};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -341,29 +341,14 @@ impl Potential for LoadedIsland {
             }
             let mut g = island.effect_gradient(e, &s);
             if effect.kind() == EffectKind::Load {
-                let motions = island.motion.iter().flatten();
-                g.iter_mut().zip(motions).filter(|(_, m)| !m.is_unknown()).for_each(|(g, _)| *g = 0.0);
-                // What a support takes at once is not in play, oblique or not.
-                for (&n, slide) in &island.slides {
-                    let i = 3 * n as usize;
-                    let load = Vector3::from_column_slice(&g[i..i + 3]);
-                    g[i..i + 3].copy_from_slice((load - slide.reaction(load)).as_slice());
-                }
+                let taken = island.on_supports(&g);
+                g.iter_mut().zip(taken).for_each(|(g, taken)| *g -= taken);
             }
             scale = scale.max(norm(&g));
             total.iter_mut().zip(&g).for_each(|(t, g)| *t += g);
         }
         scale = self.terms.iter().fold(scale, |scale, term| scale.max(term.force_scale(&x, &mut total)));
-        for (n, motion) in island.motion.iter().enumerate() {
-            let is_moved = |c: &usize| !motion[*c].is_support();
-            (0..3).filter(is_moved).for_each(|c| total[3 * n + c] = 0.0);
-        }
-        for (&n, slide) in &island.slides {
-            let i = 3 * n as usize;
-            let reaction = slide.reaction(Vector3::from_column_slice(&total[i..i + 3]));
-            total[i..i + 3].copy_from_slice(reaction.as_slice());
-        }
-        scale.max(norm(&total))
+        scale.max(norm(&island.on_supports(&total)))
     }
 
     fn followers(&self) -> Vec<[usize; 2]> {

@@ -30,6 +30,7 @@ pub use free::FreeBody;
 pub use grid::EmbeddedRegion;
 pub use inertia::Inertia;
 pub use island::Island;
+pub(crate) use load::on_supports;
 pub use load::{Load, Mean, Motion};
 pub use loaded::LoadedIsland;
 pub use slide::Slide;
