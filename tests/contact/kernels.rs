@@ -131,7 +131,10 @@ fn hessians_are_lifted_on_the_directions_that_they_are_made_of() {
             let d = closest.squared().sqrt();
             let law = match sample % 3 {
                 0 => Law::Barrier(1.5 * d),
-                1 => Law::Soft { reach: 1.5 * d, softness: 0.2, side: -1.0 },
+                1 => {
+                    let [side, extra] = [[-1.0, 0.0], [-4.0, 0.0], [-1.0, d]][sample / 3 % 3];
+                    Law::Soft { reach: 1.5 * d, softness: 0.2, side, extra }
+                }
                 _ => Law::Spring,
             };
             // Features that are counted once too often have a negative scale.

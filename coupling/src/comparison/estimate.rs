@@ -122,7 +122,7 @@ impl Expected {
                 .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION * length)),
         );
         for (c, work) in works.present() {
-            let led = if scene.coarser(c).is_empty() { 1.0 } else { LED };
+            let led = if scene.coarser().is_empty() { 1.0 } else { LED };
             let iterations = match (c, scene.fibres) {
                 (Configuration::WithContact, _) => ITERATIONS_IN_CONTACT * harmonic(thigh.muscles.len()),
                 (Configuration::WithoutContact, Fibres::None) => ITERATIONS * length,
@@ -235,7 +235,7 @@ impl Sized {
         };
         let mut expected = of(&self.scene, &thigh);
         for c in Configuration::ALL.into_iter().filter(|c| asked[*c]) {
-            for edge in self.scene.coarser(c) {
+            for edge in self.scene.coarser() {
                 let coarse = self.at(edge);
                 expected = expected.after(of(&coarse.scene, &coarse.draft()?), c, edge);
             }

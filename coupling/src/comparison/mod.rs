@@ -418,7 +418,7 @@ impl Prepared {
             let thigh = &comparison.thigh;
             let way = drive(&plan, thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
             let settings = settings_of(&self.scene, c);
-            let coarser = self.scene.coarser(c);
+            let coarser = self.scene.coarser();
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings, &coarser);
             let restart = Restart { key: &key, resume };
             let Coarser { last, wrong } = self.coarser(c, folder, lap);
@@ -445,7 +445,7 @@ impl Prepared {
     /// as each [stage](coarse_stages) ends.
     fn coarser(&self, configuration: Configuration, folder: &Path, lap: &mut dyn FnMut(&str)) -> Coarser {
         let mut all = Coarser::default();
-        for edge in self.scene.coarser(configuration) {
+        for edge in self.scene.coarser() {
             let [_, stage] = coarse_stages(configuration, edge);
             let error = match self.solve_coarse(configuration, edge, all.last.as_ref(), folder, lap) {
                 Ok((plan, run)) => {

@@ -98,6 +98,8 @@ pub struct Contact {
     last: Mutex<Arc<Terms>>,
     /// What the last search for near points has found.
     memory: Mutex<near::Memory>,
+    /// Normals by which it is told who faces whom inside bodies; `None`: those of the moment.
+    held_normals: Mutex<Option<Arc<Vec<normals::Normals>>>>,
 }
 
 /// The terms of the potential at some positions.
@@ -161,6 +163,7 @@ impl Contact {
             candidates: Mutex::default(),
             last: Mutex::default(),
             memory: Mutex::default(),
+            held_normals: Mutex::default(),
         };
         if contact.mode == Mode::Guarded {
             contact.fit_reach(X);
@@ -181,6 +184,7 @@ impl Contact {
             candidates: Mutex::default(),
             last: Mutex::default(),
             memory: Mutex::default(),
+            held_normals: Mutex::default(),
         }
     }
 

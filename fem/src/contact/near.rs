@@ -5,9 +5,12 @@
 //! than at the nearest corner, less the way from there, so corners come first and spare most of the other samples. None of it
 //! changes the answer.
 //!
-//! A point inside a closed body has come in by the side that is nearest, unless that faces the way the point itself does: then the
-//! point has got past the middle of a thin body, and it has come in by a side that faces it, if that is no farther than its own
-//! body is deep, which then still sticks out there.
+//! A point inside a closed body leaves it by the side that is nearest, unless that faces the way the point itself does: then the point has
+//! got past the middle of a thin body, and it goes back out by a side that faces it, if that is not much farther. Out by the other its own
+//! body would follow. So a side that faces the way the point does counts as farther by the depth of that body, or near the surface as some
+//! times as far, and the point as so much deeper where that is the nearest even so: the depth is the least of these distances, nothing on
+//! the surface and continuous. Who faces whom is looked at where Newton's method has arrived, and held while it tries steps: along a step
+//! there is one energy.
 //!
 //! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved since a softened way
 //! began, where nothing overlapped: where it seems to have changed by more, the point is outside. There alone the answer hangs on what was
@@ -21,12 +24,14 @@ use crate::geometry::closest::{feature, point_triangle};
 use crate::geometry::tree::{Aabb, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::sync::MutexGuard;
+use std::sync::{Arc, MutexGuard};
 
 /// How deep overlaps are measured, in edge lengths.
 const VIEW: f64 = 4.0;
 /// Cosine between the normals of a point and of a triangle from which on they face the same way.
 const ALIGNED: f64 = 0.5;
+/// How many times as far such a triangle counts at most for a point inside.
+const FARTHER: f64 = 4.0;
 /// Fraction of the mean edge by which distances and ways may contradict each other: round-off.
 const ROUND_OFF: f64 = 1e-6;
 /// Fraction of the way to the far side of a body that a point may go at once.
@@ -47,6 +52,9 @@ pub(super) struct Near {
     pub(super) room: f64,
     /// How far it is beside the rim of an open surface \[m\].
     beside: Option<f64>,
+    /// How many times as deep it counts inside, and by how much more \[m\].
+    pub(super) weight: f64,
+    pub(super) extra: f64,
 }
 
 /// What the last search has found.
@@ -89,6 +97,22 @@ impl Contact {
     /// Forgets what earlier searches have found.
     pub(super) fn forget_near(&self) {
         *self.held() = Memory::default();
+    }
+
+    /// From now on, until [`release_normals`](Contact::release_normals), who faces whom is told by the normals with the nodes at `x` \[m\].
+    pub fn hold_normals(&self, x: &[f64]) {
+        let p = self.surfaces.positions(x);
+        self.tell_by(Some(Arc::new(self.normals(&p))));
+    }
+
+    /// From now on it is told by those of the moment.
+    pub fn release_normals(&self) {
+        self.tell_by(None);
+    }
+
+    fn tell_by(&self, normals: Option<Arc<Vec<Normals>>>) {
+        *self.held_normals.lock().expect("no thread panics while it holds them") = normals;
+        *self.last.lock().expect("no thread panics while it holds them") = Arc::default();
     }
 
     fn held(&self) -> MutexGuard<'_, Memory> {
@@ -145,8 +169,10 @@ impl Contact {
         memory.p.copy_from_slice(p);
         let fitted = self.fitted(p);
         let boxes = fitted.iter().map(|f| f.whole().grown(view)).collect();
+        let held_normals = self.held_normals.lock().expect("no thread panics while it holds them").clone();
+        let normals = self.normals(p);
         let search =
-            Search { contact: self, p, view, aside, moved, ways, normals: self.normals(p), fitted, boxes };
+            Search { contact: self, p, view, aside, moved, ways, normals, held_normals, fitted, boxes };
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
         let Memory { corners, others, .. } = memory;
@@ -195,7 +221,7 @@ impl Contact {
         let distance = if rim { height.abs() } else { squared.sqrt() };
         let beside = rim.then(|| (squared - height * height).max(0.0).sqrt());
         let gap = if height < 0.0 { -distance } else { distance };
-        Near { point, triangle, at, out, gap, room: f64::INFINITY, beside }
+        Near { point, triangle, at, out, gap, room: f64::INFINITY, beside, weight: 1.0, extra: 0.0 }
     }
 }
 
@@ -216,6 +242,8 @@ struct Search<'a> {
     ways: Vec<f64>,
     /// By surface: normals, boxes of the tree, and the box of all that is not too far.
     normals: Vec<Normals>,
+    /// Those by which it is told who faces whom, where they are held.
+    held_normals: Option<Arc<Vec<Normals>>>,
     fitted: Vec<Tree>,
     boxes: Vec<Aabb>,
 }
@@ -311,17 +339,25 @@ impl Search<'_> {
         if near.gap >= 0.0 {
             near.room = near.gap + HALF * all.depths[near.triangle as usize].min(view);
         } else if contact.mode == Mode::Guarded {
-            let mine = self.normals[all.surface(point as u32)].sample(point as u32);
+            let held = self.held_normals.as_deref().unwrap_or(&self.normals);
+            let mine = held[all.surface(point as u32)].sample(point as u32);
             let is_far =
-                |t: u32| normals.triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED;
-            let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
-            let within = all.sample_depths[point].min(view);
-            if is_far(nearest)
-                && let Some((front, _)) =
-                    self.fitted[other].nearest(&Aabb::at(&p[point]), within, None, squared)
-            {
-                near = contact.seen_from(point as u32, s, front, normals, p);
-                near.gap = -near.gap.abs();
+                |t: u32| held[other].triangle((s.triangles.start + t as usize) as u32).dot(&mine) > ALIGNED;
+            if is_far(nearest) {
+                let squared = |t: u32| if is_far(t) { f64::INFINITY } else { squared(t) };
+                let own = all.sample_depths[point];
+                let (weight, extra) = match (FARTHER - 1.0) * -near.gap < own {
+                    true => (FARTHER, 0.0),
+                    false => (1.0, own),
+                };
+                let within = weight * -near.gap + extra;
+                match self.fitted[other].nearest(&Aabb::at(&p[point]), within, None, squared) {
+                    Some((front, _)) => {
+                        near = contact.seen_from(point as u32, s, front, normals, p);
+                        near.gap = -near.gap.abs();
+                    }
+                    None => (near.weight, near.extra) = (weight, extra),
+                }
             }
         }
         Some(near)

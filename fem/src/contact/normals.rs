@@ -2,7 +2,7 @@
 
 use super::Contact;
 use super::surface::{Surface, Surfaces};
-use crate::geometry::closest::{Closest, Feature};
+use crate::geometry::closest::Feature;
 use crate::geometry::normals::PseudoNormals;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -54,27 +54,11 @@ impl Normals {
     pub(super) fn sample(&self, s: u32) -> Vector3<f64> {
         self.samples[s as usize - self.first[2]].normalize()
     }
-
-    /// Unit normal of an edge; `None` on a rim.
-    pub(super) fn edge(&self, e: u32) -> Option<Vector3<f64>> {
-        self.pseudo.edge(e as usize - self.first[1])
-    }
 }
 
 impl Contact {
     /// Normals of all surfaces with the collision points at `p`.
     pub(super) fn normals(&self, p: &[Vector3<f64>]) -> Vec<Normals> {
         self.surfaces.list.par_iter().map(|s| Normals::new(&self.surfaces, s, p)).collect()
-    }
-
-    /// Whether two edges of two surfaces have passed each other between their ends: their shortest connection `closest`, from `f` to `e`,
-    /// leads into the body of `f` and out of that of `e`.
-    pub(super) fn have_crossed(&self, e: u32, f: u32, closest: &Closest, normals: &[Normals]) -> bool {
-        let of = |edge: u32| self.surfaces.surface(self.surfaces.edges[edge as usize].points[0]);
-        if of(e) == of(f) || closest.n_free < 2 {
-            return false;
-        }
-        let (Some(n), Some(m)) = (normals[of(e)].edge(e), normals[of(f)].edge(f)) else { return false };
-        n.dot(&m) < 0.0 && closest.w.dot(&m) < 0.0 && closest.w.dot(&n) > 0.0
     }
 }

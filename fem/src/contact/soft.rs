@@ -8,8 +8,8 @@
 //!
 //! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.
 //!
-//! All surfaces must be closed. A point leaves a body by the side that is nearest, or by the one that its own body sticks out of where
-//! it has got past the middle, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
+//! All surfaces must be closed. A point leaves a body by the side that is nearest, or where it has got past the middle of a thin one by a
+//! side that faces it, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
 //! Whether a body has got through another is looked at afterwards, see [`Sides`](crate::measure::Sides).
 
 use super::candidates::Primitives;
@@ -71,7 +71,7 @@ impl Contact {
             let sample = stencil.points[0] as usize;
             stencil.scale *= areas[sample] / all.areas[sample];
             if let Law::Barrier(reach) = stencil.law {
-                stencil.law = Law::Soft { reach, softness, side: 1.0 };
+                stencil.law = Law::Soft { reach, softness, side: 1.0, extra: 0.0 };
             }
         }
         stencils.extend(inside.iter().map(|n| {
@@ -80,7 +80,12 @@ impl Contact {
                 points: [n.point, a, b, c],
                 closest: point_triangle(&self.triangle_points(n.point, n.triangle, p)),
                 scale: 0.5 * areas[n.point as usize] * self.stiffness(n.point, n.triangle),
-                law: Law::Soft { reach: self.reach[n.point as usize], softness, side: -1.0 },
+                law: Law::Soft {
+                    reach: self.reach[n.point as usize],
+                    softness,
+                    side: -n.weight,
+                    extra: n.extra,
+                },
                 edges: 0.0,
             }
         }));

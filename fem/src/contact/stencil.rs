@@ -25,8 +25,10 @@ pub enum Law {
         reach: f64,
         /// That fraction.
         softness: f64,
-        /// 1 outside, −1 inside.
+        /// 1 outside, −1 inside, or as many times that as it counts as deeper.
         side: f64,
+        /// How much deeper it counts \[m\].
+        extra: f64,
     },
     /// ½ k d² of a penetration by d.
     Spring,
@@ -63,11 +65,11 @@ impl Stencil {
                 let [b, b1, b2] = barrier(d / reach);
                 [self.scale * reach * b, self.scale * (b1 / d), self.scale * b2 / reach]
             }
-            Law::Soft { reach, softness, side } => {
-                let [b, b1, b2] = softened(side * d / reach, softness);
+            Law::Soft { reach, softness, side, extra } => {
+                let [b, b1, b2] = softened((side * d - extra) / reach, softness);
                 // On the other surface itself the connection has no direction.
                 let slope = if d > 0.0 { side * b1 / d } else { 0.0 };
-                [self.scale * reach * b, self.scale * slope, self.scale * b2 / reach]
+                [self.scale * reach * b, self.scale * slope, self.scale * side * side * b2 / reach]
             }
             Law::Spring => [0.5 * self.scale * d * d, self.scale, self.scale],
         }

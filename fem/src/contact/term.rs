@@ -76,6 +76,15 @@ impl IslandTerm for ContactTerm {
             self.contact.forget_near();
         }
         self.softness = softness;
+        self.contact.release_normals();
+    }
+
+    fn renew(&mut self, x: &[f64]) -> bool {
+        if self.softness == 0.0 {
+            return false;
+        }
+        self.contact.hold_normals(x);
+        true
     }
 
     fn meets(&self, x: &[f64]) -> bool {
@@ -83,6 +92,7 @@ impl IslandTerm for ContactTerm {
     }
 
     fn untangle(&self, x: &mut Vec<f64>, softness: f64, moves: &dyn Fn(u32) -> bool) -> bool {
+        self.contact.release_normals();
         let untangled = self.timed(|contact| contact.untangled(x, softness, moves));
         untangled.map(|untangled| *x = untangled).is_some()
     }

@@ -1,11 +1,11 @@
 //! Surfaces that overlap are moved apart, node by node.
 
+#![allow(non_snake_case)]
+
 use super::Contact;
 use super::near::Near;
-use super::normals::Normals;
-use crate::geometry::closest::edge_edge;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Points too close, down to which parting takes no notice of edges that cross.
 const FEW: usize = 10;
@@ -121,39 +121,60 @@ impl Contact {
             let at: [(u32, f64); 3] = std::array::from_fn(|c| (corners[c], n.at[c]));
             push(&[(n.point, 1.0)], &at, n.out * (1.05 * gap - n.gap));
         }
-        let normals = if found.crossings.is_empty() { Vec::new() } else { self.normals(p) };
+        let around = self.around(&found.crossings);
         for &[e, t] in &found.crossings {
-            let halves = |e: u32| all.edges[e as usize].points.map(|point| (point, 0.5));
-            match self.way_back(e, t, gap, p, &normals) {
-                Some((f, way)) => push(&halves(e), &halves(f), way),
-                // Through a triangle alone: it leaves by the front, bit by bit.
-                None => {
-                    let corners = all.triangles[t as usize];
-                    let [a, b, c] = corners.map(|c| p[c as usize]);
-                    let thirds = corners.map(|corner| (corner, 1.0 / 3.0));
-                    push(&halves(e), &thirds, (b - a).cross(&(c - a)).normalize() * gap);
-                }
+            if let Some(way) = self.shortening(e, t, &around, p) {
+                let halves = all.edges[e as usize].points.map(|point| (point, 0.5));
+                let thirds = all.triangles[t as usize].map(|corner| (corner, 1.0 / 3.0));
+                push(&halves, &thirds, way * gap);
             }
         }
         wishes
     }
 
-    /// Of the edges of triangle `t`, through which edge `e` passes, the one that it has crossed least, and the way \[m\] of `e` against it
-    /// to `gap` on the other side.
-    fn way_back(
+    /// Triangles at every edge that crosses one.
+    fn around(&self, crossings: &[[u32; 2]]) -> BTreeMap<u32, Vec<u32>> {
+        let all = &self.surfaces;
+        let mut around: BTreeMap<u32, Vec<u32>> = crossings.iter().map(|c| (c[0], Vec::new())).collect();
+        let surfaces: BTreeSet<usize> =
+            around.keys().map(|&e| all.surface(all.edges[e as usize].points[0])).collect();
+        for t in surfaces.into_iter().flat_map(|s| all.list[s].triangles.clone()) {
+            for e in all.triangle_edges[t] {
+                if let Some(at) = around.get_mut(&e) {
+                    at.push(t as u32);
+                }
+            }
+        }
+        around
+    }
+
+    /// Unit direction in which edge `e` moves against triangle `t`, through which it passes, so that the line along which both surfaces
+    /// intersect gets shorter fastest (Volino and Magnenat-Thalmann, ACM Transactions on Graphics 25 (2006), 1154): Σ R − 2 (E·R)/(E·N) N over
+    /// the triangles `around` the edge, R along the line into them. `None` where all lie in one plane.
+    fn shortening(
         &self,
         e: u32,
         t: u32,
-        gap: f64,
+        around: &BTreeMap<u32, Vec<u32>>,
         p: &[Vector3<f64>],
-        normals: &[Normals],
-    ) -> Option<(u32, Vector3<f64>)> {
-        let crossed = self.surfaces.triangle_edges[t as usize].iter().filter_map(|&f| {
-            let closest = edge_edge(&self.edge_points(e, f, p));
-            let depth = closest.squared().sqrt();
-            (depth > 0.0 && self.have_crossed(e, f, &closest, normals))
-                .then(|| (f, depth, closest.w * (-(depth + gap) / depth)))
-        });
-        crossed.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(f, _, way)| (f, way))
+    ) -> Option<Vector3<f64>> {
+        let all = &self.surfaces;
+        let normal = |t: u32| {
+            let [a, b, c] = all.triangles[t as usize].map(|c| p[c as usize]);
+            (b - a).cross(&(c - a)).try_normalize(0.0)
+        };
+        let ends = all.edges[e as usize].points;
+        let [a, b] = ends.map(|c| p[c as usize]);
+        let (E, N) = ((b - a).try_normalize(0.0)?, normal(t)?);
+        let mut way = Vector3::zeros();
+        for &own in &around[&e] {
+            let apex = all.triangles[own as usize].into_iter().find(|c| !ends.contains(c))?;
+            let inward = p[apex as usize] - a;
+            let Some(R) = N.cross(&normal(own)?).try_normalize(0.0) else { continue };
+            let R = R * R.dot(&(inward - E * E.dot(&inward))).signum();
+            // Times E·N, which may be next to nothing.
+            way += R * E.dot(&N) - N * (2.0 * E.dot(&R));
+        }
+        (way * E.dot(&N).signum()).try_normalize(0.0)
     }
 }

@@ -19,6 +19,11 @@ pub trait IslandTerm: Send + Sync {
     /// Goes with the load to the fraction `t` 0..=1 of its way.
     fn set_load(&mut self, _t: f64) {}
 
+    /// Looks anew, at `x`, at what it holds while steps are tried; returns whether there is any. See [`Loading::renew`](crate::solve::Loading::renew).
+    fn renew(&mut self, _x: &[f64]) -> bool {
+        false
+    }
+
     /// Whether bodies that nothing holds are held by it.
     fn holds_free_bodies(&self) -> bool {
         false

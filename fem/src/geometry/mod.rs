@@ -17,6 +17,7 @@ pub mod normals;
 pub mod overlap;
 mod query;
 pub mod read;
+pub(crate) mod rotation;
 mod signed;
 mod surface;
 pub mod tree;

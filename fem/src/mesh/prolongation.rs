@@ -7,8 +7,9 @@
 
 use super::{CellBlock, CellKind, Mesh, unique_nodes};
 use crate::element::shape::{contract, hex8_at};
+use crate::geometry::rotation::nearest_rotation;
 use crate::geometry::tree::{Aabb, Tree};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 /// How far beside a cell its shape functions are continued, in its own coordinates, where a cell goes from -1 to 1: by its own length.
@@ -47,6 +48,20 @@ impl Prolongation {
             std::array::from_fn(|c| nodes.iter().zip(weights).map(|(&n, w)| w * value(n, c)).sum())
         };
         self.weights.iter().map(|w| w.as_ref().map(sum)).collect()
+    }
+
+    /// How the cell that each node of the other mesh is in turns from the places `from` \[m\] of the nodes to `to`: the rotation that takes its corners
+    /// there with the least squares (Kabsch, Acta Cryst. A32, 1976, 922); of cells that are not turned over.
+    pub fn rotations(&self, from: &[f64], to: &[f64]) -> Vec<Option<Matrix3<f64>>> {
+        let turned = |(nodes, _): &([u32; 8], [f64; 8])| {
+            let place = |x: &[f64], n: u32| Vector3::from_fn(|c, _| x[3 * n as usize + c]);
+            let middle = |x: &[f64]| nodes.iter().map(|&n| place(x, n)).sum::<Vector3<f64>>() / 8.0;
+            let (a, b) = (middle(from), middle(to));
+            let h: Matrix3<f64> =
+                nodes.iter().map(|&n| (place(to, n) - b) * (place(from, n) - a).transpose()).sum();
+            nearest_rotation(&h)
+        };
+        self.weights.par_iter().map(|w| w.as_ref().map(turned)).collect()
     }
 }
 

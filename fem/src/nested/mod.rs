@@ -1,7 +1,8 @@
 //! Nested iteration: a run on a fine mesh that is led by one on a coarse mesh of the same bodies (Hackbusch, Multi-Grid Methods and
 //! Applications, Springer 1985, ch. 5), with Newton's method on every mesh.
 //!
-//! Displacements of the coarse run are carried over, frame by frame. Prescribed nodes go where they must, which at the edge of a support is
+//! Displacements of the coarse run are carried over, frame by frame; where surfaces are kept apart those from one frame to the next, and what
+//! the fine mesh is off by turns with the cells of the coarse one. Prescribed nodes go where they must, which at the edge of a support is
 //! not where cells of the coarse mesh take them; cells that fold there are given shape again. The fine equilibrium is as exact as any: only
 //! the way to it is shorter. Where there are several it may be another one.
 
@@ -13,6 +14,7 @@ use crate::mesh::Prolongation;
 use crate::plan::{Load, LoadedIsland, Motion, Plan};
 use crate::run::{Advanced, Drive, DriveFrame, Frame, Run, Session};
 use crate::solve::{Settings, SolveError};
+use nalgebra::Vector3;
 
 /// A run on a coarse mesh that leads one on a fine mesh.
 pub struct CoarseRun<'a> {
@@ -31,11 +33,27 @@ impl<'a> CoarseRun<'a> {
     /// where nothing is known. `to`: the load there. Empty where the coarse run did not come so far.
     pub fn way(&self, fine: &Plan, before: Option<&Frame>, frame: usize, to: &Load) -> Vec<Option<[f64; 3]>> {
         let Some(reached) = self.frames.get(frame) else { return Vec::new() };
-        let moved: Vec<f64> = reached.x.iter().zip(self.plan.reference()).map(|(x, X)| x - X).collect();
+        let reference = self.plan.reference();
         let start = before.map_or_else(|| fine.reference(), |frame| frame.x.clone());
-        let mut way = self.onto.vectors(&moved);
+        // Surfaces that are apart stay so where they go as the coarse ones do from here on, not where the coarse ones are.
+        let keeps_apart = fine.islands.iter().any(|island| island.terms().iter().any(|t| t.keeps_apart()));
+        let left = match (keeps_apart, frame) {
+            (false, _) | (true, 0) => &reference,
+            (true, k) => &self.frames[k - 1].x,
+        };
+        let places = |x: &[f64]| {
+            let moved: Vec<f64> = x.iter().zip(&reference).map(|(x, X)| x - X).collect();
+            let along = self.onto.vectors(&moved).into_iter().zip(&fine.mesh.points);
+            along.map(|(u, X)| u.map(|u| Vector3::from(*X) + Vector3::from(u))).collect::<Vec<_>>()
+        };
+        let (then, now) = (places(left), places(&reached.x));
+        let turned = if keeps_apart { self.onto.rotations(left, &reached.x) } else { Vec::new() };
+        let mut way: Vec<Option<[f64; 3]>> = vec![None; now.len()];
         for (n, way) in way.iter_mut().enumerate() {
-            *way = way.map(|u| std::array::from_fn(|c| fine.mesh.points[n][c] + u[c] - start[3 * n + c]));
+            let (Some(then), Some(now)) = (then[n], now[n]) else { continue };
+            let x = Vector3::from_fn(|c, _| start[3 * n + c]);
+            let off = turned.get(n).copied().flatten().map(|turned| turned * (x - then)).unwrap_or_default();
+            *way = Some((now + off - x).into());
         }
         let from = before.map_or_else(|| fine.load(&[], &[]).expect("nothing is named"), |f| f.load.clone());
         let calm = carried(fine, &start, &from, to);

@@ -15,6 +15,7 @@ use super::term::{Builder, Names, Term, check};
 use super::{Motion, SceneError};
 use crate::body::Pose;
 use crate::effect::{DeadLoad, Effect, FollowerForce};
+use crate::geometry::rotation::nearest_rotation;
 use crate::mesh::{CellBlock, CellKind, Mesh};
 use crate::scene::{BodyForceSpec, Coordinate, FreeBodySpec, LawSpec, Scene, SolidSpec};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -120,12 +121,6 @@ impl FreeBody {
         let turned = turned.map(|&(_, (r, c))| (if c == 0 { x } else { y }, r, along(r)));
         shifts.chain(turned).collect()
     }
-}
-
-/// U Vᵀ of A = U Σ Vᵀ.
-fn nearest_rotation(A: &Matrix3<f64>) -> Matrix3<f64> {
-    let svd = A.svd(true, true);
-    svd.u.expect("asked for") * svd.v_t.expect("asked for")
 }
 
 /// Block of the mesh that holds the cell of a free body.

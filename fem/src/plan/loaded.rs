@@ -55,11 +55,10 @@ impl LoadedIsland {
     }
 
     /// The same with a guess of where the way leads: displacements \[m\] of the local nodes, `None` where nothing is known; `x` are the
-    /// positions \[m\] of the free nodes at the start. Surfaces that are kept apart are not led: where they touch on a coarse mesh they
-    /// overlap on a fine one, and what a guess saves is spent on parting them.
+    /// positions \[m\] of the free nodes at the start.
     pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
         let is_known = self.island.free_nodes.iter().any(|&n| way[n as usize].is_some());
-        if !is_known || self.terms.iter().any(|term| term.keeps_apart()) {
+        if !is_known {
             return self;
         }
         let places = self.island.free_nodes.iter().zip(x.as_chunks::<3>().0);
@@ -448,11 +447,6 @@ impl LoadedIsland {
         island.predictor.get().expect("it is there").as_ref()
     }
 
-    /// Whether places at the load `t` are guessed: those of the end are, or none.
-    fn is_guessed(&self, t: f64) -> bool {
-        t == 1.0 && !self.guess.is_empty()
-    }
-
     fn load_at(&self, t: f64) -> Load {
         self.start.towards(&self.end, &self.island.pivots, t)
     }
@@ -471,10 +465,12 @@ impl Loading for LoadedIsland {
     }
 
     fn renew(&mut self, x: &[f64]) -> bool {
+        let x = self.expand(x);
+        let renewed = self.terms.iter_mut().fold(false, |any, term| term.renew(&x) | any);
         if self.anchor.is_empty() {
-            return false;
+            return renewed;
         }
-        self.anchor = self.expand(x);
+        self.anchor = x;
         true
     }
 
@@ -501,6 +497,10 @@ impl Loading for LoadedIsland {
                 self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t)))
             }
         }
+    }
+
+    fn is_guessed(&self, t: f64) -> bool {
+        t == 1.0 && !self.guess.is_empty()
     }
 
     fn forget_guess(&mut self) -> bool {

@@ -183,6 +183,9 @@ impl Run<'_> {
             potential.soften(0.0);
             potential.set_load(t, x);
             let Soft::Failed(reached) = outcome else { break None };
+            if potential.forget_guess() {
+                return self.predict_softened(potential, x, t, target);
+            }
             // Up to where it failed it would go the same way again.
             until = (t + (until - t) / 2.0).min(reached);
             if until - t < piece {
@@ -206,6 +209,14 @@ impl Run<'_> {
     ) -> Soft {
         let mut meets = false;
         let mut trial = x.to_vec();
+        if t < until && potential.is_guessed(until) {
+            // Through whatever is on the way: only what is there at its end counts.
+            potential.predict(until, x);
+            return match self.equilibrate_softly(potential, x, until) {
+                true => Soft::Apart(until),
+                false => Soft::Failed(until),
+            };
+        }
         loop {
             let from = t;
             let (det_before, _) = potential.least_det_f(x);

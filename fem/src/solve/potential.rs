@@ -113,8 +113,8 @@ pub trait Loading: Potential + Admissible {
     /// step and predicts how the free nodes follow.
     fn set_load(&mut self, t: f64, x: &mut [f64]);
 
-    /// Looks anew, at `x`, at loads that have no potential; until the next time the potential holds a model of them whose gradient is
-    /// true there. Returns whether there are any.
+    /// Looks anew, at `x`, at loads that have no potential, and at the side by which what overlaps came in; until the next time the potential
+    /// holds a model of them whose gradient is true there. Returns whether there are any.
     fn renew(&mut self, _x: &[f64]) -> bool {
         false
     }
@@ -128,6 +128,11 @@ pub trait Loading: Potential + Admissible {
     /// than to leave the free nodes where they are.
     fn n_pieces(&self, _t: f64) -> usize {
         0
+    }
+
+    /// Whether places at the load `t` are guessed: those of the end are, or none.
+    fn is_guessed(&self, _t: f64) -> bool {
+        false
     }
 
     /// What was guessed of the way led astray; returns whether there was a guess.
