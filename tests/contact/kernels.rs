@@ -179,7 +179,13 @@ fn gradient_and_hessian_of_every_kind_of_pair_are_derivatives() {
             let closest = find(&x);
             let rest = x;
             let reach = 1.5 * closest.squared().sqrt();
-            let at = |x: &Points| Stencil { closest: find(x), ..stencil(closest, &rest, reach, edges) };
+            let softened = |side, extra| Law::Soft { reach, softness: 0.2, side, extra };
+            let law = match sample / 2 % 3 {
+                0 => Law::Barrier(reach),
+                1 => softened(-4.0, 0.0),
+                _ => softened(-1.0, reach),
+            };
+            let at = |x: &Points| Stencil { closest: find(x), law, ..stencil(closest, &rest, reach, edges) };
             let term = at(&x);
             let direction: [V; 4] = std::array::from_fn(|_| random.vector(1.0));
             let other: [V; 4] = std::array::from_fn(|_| random.vector(1.0));
