@@ -259,7 +259,7 @@ impl<'a> Session<'a> {
         let mut solvers = std::mem::take(&mut self.solvers);
         let mut solved = self.solve(to, way, &mut solvers);
         self.solvers = solvers;
-        let refused = self.keep_sides(to, &mut solved);
+        let refused = self.keep_sides(to, !way.is_empty(), &mut solved);
         let velocities: Vec<Vec<f64>> = solved.iter_mut().map(|s| std::mem::take(&mut s.v)).collect();
         let (mut islands, mut errors, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
         self.x = self.places(to, &solved);
@@ -387,23 +387,25 @@ impl<'a> Session<'a> {
         x
     }
 
-    /// Looks whether bodies have gone through each other. Where softened contact may have led them there the frame is gone again by collision
-    /// detection alone; in the cheap mode, which has none, it is refused.
-    fn keep_sides(&self, to: &DriveFrame, solved: &mut Vec<Solved>) -> Option<SolveError> {
+    /// Looks whether bodies have gone through each other. Where softened contact may have led them there the frame is gone again, without
+    /// the guess where there `was_guess`, then by collision detection alone; in the cheap mode, which has none, it is refused.
+    fn keep_sides(&self, to: &DriveFrame, was_guess: bool, solved: &mut Vec<Solved>) -> Option<SolveError> {
         let sides = self.sides.as_ref().filter(|_| solved.iter().all(|s| s.result.is_ok()))?;
         let was_led = |s: &Solved| s.result.as_ref().is_ok_and(|advance| advance.soft_ways > 0);
         let mut crossed = sides.changed(&self.x, &self.places(to, solved));
-        if !crossed.is_empty() && solved.iter().any(was_led) {
-            tracing::info!(
-                step = self.step,
-                ?crossed,
-                "softened contact leads through; gone again without it"
-            );
-            let strict = Settings { way: Way::Strict, ..self.settings };
+        let ways = [was_guess.then_some(self.settings.way), Some(Way::Strict)];
+        for way in ways.into_iter().flatten() {
+            let is_solved = solved.iter().all(|s| s.result.is_ok());
+            if is_solved && (crossed.is_empty() || !solved.iter().any(was_led)) {
+                break;
+            }
+            tracing::info!(step = self.step, ?crossed, ?way, "softened contact leads through; gone again");
+            let settings = Settings { way, ..self.settings };
             let mut solvers: Vec<Solver> =
-                self.plan.islands.iter().map(|i| Solver::new(&i.name, strict)).collect();
+                self.plan.islands.iter().map(|i| Solver::new(&i.name, settings)).collect();
             *solved = self.solve(to, &[], &mut solvers);
-            solved.iter_mut().flat_map(|s| &mut s.result).for_each(|advance| advance.gone_again = true);
+            let advances = solved.iter_mut().flat_map(|s| &mut s.result);
+            advances.for_each(|advance| advance.gone_again = way == Way::Strict);
             crossed = sides.changed(&self.x, &self.places(to, solved));
         }
         if let Some(Ok(first)) = solved.first_mut().map(|s| &mut s.result) {

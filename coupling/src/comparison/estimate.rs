@@ -123,7 +123,7 @@ impl Expected {
                 .map(|w| stage(STAGES[2], w, Configuration::WithoutContact, CALIBRATION * length)),
         );
         for (c, work) in works.present() {
-            let led = if scene.coarser().is_empty() { 1.0 } else { LED[c] };
+            let led = if scene.coarser(c).is_empty() { 1.0 } else { LED[c] };
             let iterations = match (c, scene.fibres) {
                 (Configuration::WithContact, _) => ITERATIONS_IN_CONTACT * harmonic(thigh.muscles.len()),
                 (Configuration::WithoutContact, Fibres::None) => ITERATIONS * length,
@@ -155,16 +155,22 @@ impl Expected {
         Expected { stages, ..counted }
     }
 
-    /// The same after a configuration was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`.
+    /// The same after a configuration was solved on a coarser mesh with edges of `edge` \[m\], which is expected to take `coarse`. Where the other
+    /// configuration is solved on it before, its calibration is kept.
     fn after(mut self, coarse: Expected, c: Configuration, edge: f64) -> Expected {
         let place = self.stages.iter().position(|stage| stage.name == c.name());
         let [beforehand, solved] = coarse_stages(c, edge);
+        let is_calibrated = Configuration::ALL.into_iter().take_while(|before| *before != c).any(|before| {
+            let [calibration, _] = coarse_stages(before, edge);
+            self.stages.iter().any(|stage| stage.name == calibration)
+        });
         let mut meshing = coarse.meshing;
         let mut own = Vec::new();
         for (of, name) in [(STAGES[2], beforehand), (c.name(), solved)] {
             // A mesh without fibres is made and solved in one go.
             if let Some(stage) = coarse.stages.iter().find(|stage| stage.name == of) {
-                let seconds = std::mem::take(&mut meshing) + stage.seconds;
+                let kept = of == STAGES[2] && is_calibrated;
+                let seconds = std::mem::take(&mut meshing) + if kept { 0.0 } else { stage.seconds };
                 own.push(Stage { name, seconds, ..stage.clone() });
             }
         }
@@ -236,7 +242,7 @@ impl Sized {
         };
         let mut expected = of(&self.scene, &thigh);
         for c in Configuration::ALL.into_iter().filter(|c| asked[*c]) {
-            for edge in self.scene.coarser() {
+            for edge in self.scene.coarser(c) {
                 let coarse = self.at(edge);
                 expected = expected.after(of(&coarse.scene, &coarse.draft()?), c, edge);
             }

@@ -73,7 +73,8 @@ pub const STAGES: [&str; 5] = [
 /// Names of the stages of a [coarser mesh](Scene::coarser) with edges of this length \[m\] in a configuration: it is made, and calibrated where
 /// there are fibres; it is solved.
 pub fn coarse_stages(configuration: Configuration, edge: f64) -> [String; 2] {
-    [STAGES[2], configuration.name()].map(|name| format!("{name}, {} mm", short(1e3 * edge)))
+    let (name, edge) = (configuration.name(), short(1e3 * edge));
+    [format!("{}, {edge} mm, {name}", STAGES[2]), format!("{name}, {edge} mm")]
 }
 
 /// A scene with everything but the solution.
@@ -418,7 +419,7 @@ impl Prepared {
             let thigh = &comparison.thigh;
             let way = drive(&plan, thigh, &comparison.controls, &self.steps, self.scene.stress_free)?;
             let settings = settings_of(&self.scene, c);
-            let coarser = self.scene.coarser();
+            let coarser = self.scene.coarser(c);
             let key = run_key(&self.configured(thigh, c).scene, &plan, &way, &settings, &coarser);
             let restart = Restart { key: &key, resume };
             let Coarser { last, wrong } = self.coarser(c, folder, lap);
@@ -445,7 +446,7 @@ impl Prepared {
     /// as each [stage](coarse_stages) ends.
     fn coarser(&self, configuration: Configuration, folder: &Path, lap: &mut dyn FnMut(&str)) -> Coarser {
         let mut all = Coarser::default();
-        for edge in self.scene.coarser() {
+        for edge in self.scene.coarser(configuration) {
             let [_, stage] = coarse_stages(configuration, edge);
             let error = match self.solve_coarse(configuration, edge, all.last.as_ref(), folder, lap) {
                 Ok((plan, run)) => {

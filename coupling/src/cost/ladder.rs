@@ -12,6 +12,7 @@ use multibody::shipped::{self, Kind};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
+use crate::configuration::Configuration;
 use crate::scene::{KEYS as SCENE_KEYS, Scene, TomlKind, wanted};
 use crate::source::Source;
 
@@ -381,7 +382,8 @@ fn is_same(a: &Scene, b: &Scene) -> bool {
         nested_from: None,
         ..scene.clone()
     };
-    plain(a) == plain(b) && a.coarser() == b.coarser()
+    let coarser = |scene: &Scene| Configuration::ALL.map(|c| scene.coarser(c));
+    plain(a) == plain(b) && coarser(a) == coarser(b)
 }
 
 /// A value as a person would say it.

@@ -24,7 +24,7 @@ use toml::Spanned;
 
 pub use keys::{KEYS, TomlKind, wanted};
 
-use crate::configuration::PerConfiguration;
+use crate::configuration::{Configuration, PerConfiguration};
 use crate::source::Source;
 use crate::thigh::lines::lines_of_muscles;
 use fidelity::{Fidelity, FidelityEntry};
@@ -306,10 +306,12 @@ impl Scene {
         Scene::parse(&file, &text, data)
     }
 
-    /// Edges \[m\] of the coarser meshes that are solved first, from coarse to fine: 2, 4, ... times that of the scene, up
-    /// to [`nested_from`](Scene::nested_from).
-    pub fn coarser(&self) -> Vec<f64> {
-        let most = self.nested_from.unwrap_or(0.0) * (1.0 + 1e-9);
+    /// Edges \[m\] of the coarser meshes that are solved first in a configuration, from coarse to fine: 2, 4, ... times that of the scene, up
+    /// to [`nested_from`](Scene::nested_from). None with cheap contact, which has no softened way that goes on from a guess.
+    pub fn coarser(&self, configuration: Configuration) -> Vec<f64> {
+        let is_cheap =
+            configuration == Configuration::WithContact && self.contact == Some(ContactMode::Cheap);
+        let most = self.nested_from.filter(|_| !is_cheap).unwrap_or(0.0) * (1.0 + 1e-9);
         let mut edges: Vec<f64> = std::iter::successors(Some(2.0 * self.resolution), |edge| Some(2.0 * edge))
             .take_while(|edge| *edge <= most)
             .collect();

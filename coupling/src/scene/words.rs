@@ -4,7 +4,7 @@ use fem::scene::ContactMode;
 use mesher::part::is_strands;
 
 use super::{Fibres, Scene, StressFree};
-use crate::configuration::PerConfiguration;
+use crate::configuration::{Configuration, PerConfiguration};
 use crate::number::short;
 use crate::thigh::build::Thigh;
 use crate::thigh::lines::lines_of_muscles;
@@ -57,10 +57,12 @@ impl Scene {
         });
         let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
         let in_grids = self.fidelity.in_words();
-        let coarser = self.coarser();
+        let [coarser, in_contact] = Configuration::ALL.map(|c| self.coarser(c));
+        let is_cheap = in_contact != coarser;
         let coarser: Vec<String> = coarser.iter().map(|edge| short(edge * 1e3)).collect();
         let coarser = match coarser.is_empty() {
             true => "none: solver.nested_from_mm is less than twice the resolution".into(),
+            false if is_cheap => format!("{} mm, without contact", coarser.join(" and ")),
             false => format!("{} mm", coarser.join(" and ")),
         };
         let of_thigh = |(label, _): &(&str, String)| match *label {

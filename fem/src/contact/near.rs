@@ -13,7 +13,7 @@
 //! there is one energy.
 //!
 //! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved since a softened way
-//! began, where nothing overlapped: where it seems to have changed by more, the point is outside. There alone the answer hangs on what was
+//! began, where nothing overlapped unless it began at the guess of a coarser mesh: where it seems to have changed by more, the point is outside. There alone the answer hangs on what was
 //! found before, and so a softened way begins without memory.
 
 use super::candidates::Primitives;

@@ -9,7 +9,8 @@
 //! Where barriers are softest the corners of triangles are samples enough: a tenth of all points, and it is a way, not an answer.
 //!
 //! All surfaces must be closed. A point leaves a body by the side that is nearest, or where it has got past the middle of a thin one by a
-//! side that faces it, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters.
+//! side that faces it, see [`near`](super::near); no step takes one from outside deeper than half the body that it enters, but the one to the
+//! guess of a coarser mesh.
 //! Whether a body has got through another is looked at afterwards, see [`Sides`](crate::measure::Sides).
 
 use super::candidates::Primitives;

@@ -83,7 +83,7 @@ impl IslandTerm for ContactTerm {
         if self.softness == 0.0 {
             return false;
         }
-        self.contact.hold_normals(x);
+        self.timed(|contact| contact.hold_normals(x));
         true
     }
 

@@ -13,6 +13,8 @@ const FEW: usize = 10;
 const MAX_ROUNDS: usize = 60;
 /// Fraction of the shortest edge at a node that it moves in one round: farther, a small face would turn over, and with it inside and outside.
 const STRIDE: f64 = 0.3;
+/// Fraction of their lengths that is left of directions that cancel out: well above round-off, well below what shortens anything.
+const ROUND_OFF: f64 = 1e-8;
 /// Least weight of a node in a motion for which it is moved.
 const WEIGHTY: f64 = 0.05;
 /// Nodes go no farther at once than the motion that is wanted divided by this, where those that weigh most in it are held.
@@ -150,7 +152,7 @@ impl Contact {
 
     /// Unit direction in which edge `e` moves against triangle `t`, through which it passes, so that the line along which both surfaces
     /// intersect gets shorter fastest (Volino and Magnenat-Thalmann, ACM Transactions on Graphics 25 (2006), 1154): Σ R − 2 (E·R)/(E·N) N over
-    /// the triangles `around` the edge, R along the line into them. `None` where all lie in one plane.
+    /// the triangles `around` the edge, R along the line into them. `None` where it does not get shorter, as on flat surfaces.
     fn shortening(
         &self,
         e: u32,
@@ -166,15 +168,16 @@ impl Contact {
         let ends = all.edges[e as usize].points;
         let [a, b] = ends.map(|c| p[c as usize]);
         let (E, N) = ((b - a).try_normalize(0.0)?, normal(t)?);
-        let mut way = Vector3::zeros();
+        let (mut way, mut most) = (Vector3::zeros(), 0.0);
         for &own in &around[&e] {
             let apex = all.triangles[own as usize].into_iter().find(|c| !ends.contains(c))?;
             let inward = p[apex as usize] - a;
             let Some(R) = N.cross(&normal(own)?).try_normalize(0.0) else { continue };
             let R = R * R.dot(&(inward - E * E.dot(&inward))).signum();
             // Times E·N, which may be next to nothing.
-            way += R * E.dot(&N) - N * (2.0 * E.dot(&R));
+            let part = R * E.dot(&N) - N * (2.0 * E.dot(&R));
+            (way, most) = (way + part, most + part.norm());
         }
-        (way * E.dot(&N).signum()).try_normalize(0.0)
+        (way * E.dot(&N).signum()).try_normalize(ROUND_OFF * most)
     }
 }

@@ -49,12 +49,6 @@ impl PseudoNormals {
         self.triangles[triangle]
     }
 
-    /// Unit normal of an edge; `None` on a rim.
-    pub fn edge(&self, edge: usize) -> Option<Vector3<f64>> {
-        let (sum, n) = self.edges[edge];
-        (n > 1).then(|| sum.normalize())
-    }
-
     /// Unit normal of a feature of a triangle with these corners and edges, and whether it is the rim of an open surface, beyond which no
     /// side is inside: there the normal is that of the triangle.
     pub fn of(

@@ -51,7 +51,7 @@ impl Prolongation {
     }
 
     /// How the cell that each node of the other mesh is in turns from the places `from` \[m\] of the nodes to `to`: the rotation that takes its corners
-    /// there with the least squares (Kabsch, Acta Cryst. A32, 1976, 922); of cells that are not turned over.
+    /// there with the least squares (Kabsch, Acta Cryst. A32, 1976, 922). `None` for nodes of no cell, and of cells that are turned over.
     pub fn rotations(&self, from: &[f64], to: &[f64]) -> Vec<Option<Matrix3<f64>>> {
         let turned = |(nodes, _): &([u32; 8], [f64; 8])| {
             let place = |x: &[f64], n: u32| Vector3::from_fn(|c, _| x[3 * n as usize + c]);
@@ -61,7 +61,8 @@ impl Prolongation {
                 nodes.iter().map(|&n| (place(to, n) - b) * (place(from, n) - a).transpose()).sum();
             nearest_rotation(&h)
         };
-        self.weights.par_iter().map(|w| w.as_ref().map(turned)).collect()
+        let rotation = |w: &Option<_>| w.as_ref().map(turned).filter(|R| R.determinant() > 0.0);
+        self.weights.par_iter().map(rotation).collect()
     }
 }
 

@@ -465,6 +465,9 @@ impl Loading for LoadedIsland {
     }
 
     fn renew(&mut self, x: &[f64]) -> bool {
+        if self.terms.is_empty() && self.anchor.is_empty() {
+            return false;
+        }
         let x = self.expand(x);
         let renewed = self.terms.iter_mut().fold(false, |any, term| term.renew(&x) | any);
         if self.anchor.is_empty() {
@@ -491,7 +494,7 @@ impl Loading for LoadedIsland {
             return 0;
         }
         match (self.is_guessed(t), self.displaces(t)) {
-            (true, _) => 1, // nobody can be met on the way
+            (true, _) => 1,
             (false, false) => 0,
             (false, true) => {
                 self.predictor().map_or(0, |predictor| predictor.n_pieces(&self.load, &self.load_at(t)))

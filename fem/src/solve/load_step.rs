@@ -196,7 +196,7 @@ impl Run<'_> {
         outcome
     }
 
-    /// Moves the load from `t` to `until` in pieces no longer than `piece` and lets the predictor move the free nodes along through whatever
+    /// Goes to what is guessed of `until`, or moves the load there from `t` in pieces no longer than `piece` and lets the predictor move the free nodes along through whatever
     /// they touch, to equilibrium with softened contact, and some way towards it where cells would fold before. Where that fails `x` and
     /// the load are left anywhere.
     fn go_softly(
@@ -212,6 +212,9 @@ impl Run<'_> {
         if t < until && potential.is_guessed(until) {
             // Through whatever is on the way: only what is there at its end counts.
             potential.predict(until, x);
+            if !potential.meets(x) {
+                return Soft::Needless;
+            }
             return match self.equilibrate_softly(potential, x, until) {
                 true => Soft::Apart(until),
                 false => Soft::Failed(until),

@@ -113,7 +113,7 @@ pub trait Loading: Potential + Admissible {
     /// step and predicts how the free nodes follow.
     fn set_load(&mut self, t: f64, x: &mut [f64]);
 
-    /// Looks anew, at `x`, at loads that have no potential, and at the side by which what overlaps came in; until the next time the potential
+    /// Looks anew, at `x`, at loads that have no potential, and at which surfaces that overlap face which way; until the next time the potential
     /// holds a model of them whose gradient is true there. Returns whether there are any.
     fn renew(&mut self, _x: &[f64]) -> bool {
         false

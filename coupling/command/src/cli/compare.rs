@@ -200,7 +200,7 @@ const TWO_WAY: &str = "two-way";
 fn stages(scene: &Scene, asked: PerConfiguration<bool>, two_way: bool) -> Vec<String> {
     let fibres = scene.fibres != Fibres::None;
     let solved = |c: Configuration| {
-        let coarser = scene.coarser().into_iter().flat_map(move |edge| {
+        let coarser = scene.coarser(c).into_iter().flat_map(move |edge| {
             let [calibrated, solved] = coarse_stages(c, edge);
             fibres.then_some(calibrated).into_iter().chain([solved])
         });
@@ -285,11 +285,9 @@ pub(super) fn carry_out(
     }
     let mut notes = notes(&prepared, &comparison);
     let scene = &prepared.scene;
-    if scene.deformable && scene.nested_from.is_some() && scene.coarser().is_empty() {
-        notes.push(
-            "solver.nested_from_mm led nothing here: coarser meshes show the way from twice the edges on"
-                .into(),
-        );
+    let is_led = |c: Configuration| asked[c] && !scene.coarser(c).is_empty();
+    if scene.deformable && scene.nested_from.is_some() && !Configuration::ALL.into_iter().any(is_led) {
+        notes.push("solver.nested_from_mm led nothing here: coarser meshes show the way from twice the edges on, and not with cheap contact".into());
     }
     let mut unsettled = unsettled;
     if let Some(accuracy) = accuracy {
