@@ -168,6 +168,25 @@ fn a_frame_that_changes_sides_is_gone_again_by_collision_detection() {
     assert_eq!(end.islands.iter().map(|i| i.crossed_pairs).sum::<usize>(), 1);
 }
 
+/// A guess below the cylinder is an equilibrium, for a strap that came from above: it is dropped, and the frame gone again as if there were none.
+#[test]
+fn a_guess_that_leads_through_is_dropped() {
+    let scene = strap_over_cylinder(20e-3, 2.0, Variant::OneFrame);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    let [to] = &scene.drive(&plan, 1).frames[..] else { panic!("one frame") };
+    let led_by = |way: &[Option<[f64; 3]>]| {
+        let mut session = Session::new(&plan, &Settings::default(), None).unwrap();
+        let advanced = session.advance_along(to, way);
+        assert!(advanced.errors.is_empty(), "{:?}", advanced.errors);
+        advanced.frame
+    };
+    let below = [0.0, 0.0, -20e-3 - 10e-3];
+    let (plain, led) = (led_by(&[]), led_by(&vec![Some(below); plan.mesh.points.len()]));
+    assert!(plain.islands.iter().all(|island| island.soft_ways > 0 && !island.gone_again));
+    assert_eq!(plain.x, led.x);
+    assert!(led.islands.iter().all(|island| island.crossed_pairs == 0 && !island.gone_again));
+}
+
 /// Two rods that the drive sends through each other, with a strap between them: the frame may be in equilibrium, but it is no good one.
 #[test]
 fn a_solved_frame_names_what_the_drive_sends_into_each_other() {
