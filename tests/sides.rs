@@ -181,7 +181,7 @@ fn a_guess_that_leads_through_is_dropped() {
         advanced.frame
     };
     // The ends go down by 23.6 mm, the middle on to below the cylinder, whose lowest line is at -26 mm.
-    let below = |X: &[f64; 3]| Some([0.0, 0.0, -23.6e-3 - 7e-3 * (1.0 - (X[0] / 0.02).powi(2))]);
+    let below = |p: &[f64; 3]| Some([0.0, 0.0, -23.6e-3 - 7e-3 * (1.0 - (p[0] / 0.02).powi(2))]);
     let way: Vec<_> = plan.mesh.points.iter().map(below).collect();
     let (plain, led) = (led_by(&[]), led_by(&way));
     assert!(plain.islands.iter().all(|island| island.soft_ways > 0 && !island.gone_again));
