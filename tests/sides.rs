@@ -168,7 +168,7 @@ fn a_frame_that_changes_sides_is_gone_again_by_collision_detection() {
     assert_eq!(end.islands.iter().map(|i| i.crossed_pairs).sum::<usize>(), 1);
 }
 
-/// A guess below the cylinder is an equilibrium, for a strap that came from above: it is dropped, and the frame gone again as if there were none.
+/// A guess below the cylinder, for a strap that comes from above, is dropped: the frame ends where it does without, to the bit.
 #[test]
 fn a_guess_that_leads_through_is_dropped() {
     let scene = strap_over_cylinder(20e-3, 2.0, Variant::OneFrame);
