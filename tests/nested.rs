@@ -113,16 +113,22 @@ fn apart(a: &[Frame], b: &[Frame]) -> f64 {
     a.iter().zip(b).map(of).fold(0.0, f64::max)
 }
 
+/// The frames without a guess, and the iterations without one and led by a coarse run, both of which end in the same places.
+fn beside(fine: &Plan, loads: impl Fn(&Plan) -> [Load; 2], coarse: &CoarseRun) -> (Vec<Frame>, [usize; 2]) {
+    let plain = frames(fine, loads(fine), |_, _, _| UNKNOWN.to_vec());
+    let led = frames(fine, loads(fine), |before, k, load| coarse.way(fine, before, k, load));
+    let (takes, apart) = ([&plain, &led].map(|frames| iterations(frames)), apart(&plain, &led));
+    println!("{takes:?} iterations without a guess and led; {apart:.1e} m apart");
+    assert!(apart < 1e-8, "another place: {apart:.1e} m");
+    (plain, takes)
+}
+
 #[test]
 fn a_coarse_run_shows_the_way() {
     let (coarse, fine) = (bar(3, 0.021), bar(6, 0.021));
     let led_by = frames(&coarse, loads(&coarse), |_, _, _| UNKNOWN.to_vec());
-    let plain = frames(&fine, loads(&fine), |_, _, _| UNKNOWN.to_vec());
     let onto = CoarseRun::new(&coarse, &led_by, &fine);
-    let led = frames(&fine, loads(&fine), |before, k, load| onto.way(&fine, before, k, load));
-    let (plain_takes, led_takes, apart) = (iterations(&plain), iterations(&led), apart(&plain, &led));
-    println!("{plain_takes} iterations, led {led_takes}; {apart:.1e} m apart");
-    assert!(apart < 1e-8, "another place: {apart:.1e} m");
+    let (plain, [plain_takes, led_takes]) = beside(&fine, loads, &onto);
     assert!(led_takes < plain_takes, "{led_takes} iterations, {plain_takes} without a coarse run");
     // A coarse run that ended early leads as far as it came.
     let short = CoarseRun::new(&coarse, &led_by[..1], &fine);
@@ -235,11 +241,7 @@ fn a_coarse_run_shows_the_way_in_contact() {
     let (coarse, fine) = (two_bars(2), two_bars(4));
     let pressed = |plan: &Plan| [(0.3, 6e-3), (1.2, 12e-3)].map(|(angle, by)| turned(plan, angle, by).0);
     let led_by = frames(&coarse, pressed(&coarse), |_, _, _| UNKNOWN.to_vec());
-    let plain = frames(&fine, pressed(&fine), |_, _, _| UNKNOWN.to_vec());
     let onto = CoarseRun::new(&coarse, &led_by, &fine);
-    let led = frames(&fine, pressed(&fine), |before, k, load| onto.way(&fine, before, k, load));
-    let (plain_takes, led_takes, apart) = (iterations(&plain), iterations(&led), apart(&plain, &led));
-    println!("{plain_takes} iterations, led {led_takes}; {apart:.1e} m apart");
-    assert!(apart < 1e-8, "another place: {apart:.1e} m");
+    let (_, [plain_takes, led_takes]) = beside(&fine, pressed, &onto);
     assert!(3 * led_takes < 2 * plain_takes, "{led_takes} iterations, {plain_takes} without a coarse run");
 }

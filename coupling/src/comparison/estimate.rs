@@ -160,7 +160,7 @@ impl Expected {
     fn after(mut self, coarse: Expected, c: Configuration, edge: f64) -> Expected {
         let place = self.stages.iter().position(|stage| stage.name == c.name());
         let [beforehand, solved] = coarse_stages(c, edge);
-        let is_calibrated = Configuration::ALL.into_iter().take_while(|before| *before != c).any(|before| {
+        let is_calibrated = Configuration::ALL.into_iter().any(|before| {
             let [calibration, _] = coarse_stages(before, edge);
             self.stages.iter().any(|stage| stage.name == calibration)
         });

@@ -57,8 +57,8 @@ impl Scene {
         });
         let materials = if self.deformable { self.materials.settings(self.shells) } else { Vec::new() };
         let in_grids = self.fidelity.in_words();
-        let [coarser, in_contact] = Configuration::ALL.map(|c| self.coarser(c));
-        let is_cheap = in_contact != coarser;
+        let coarser = self.coarser(Configuration::WithoutContact);
+        let is_cheap = self.contact == Some(ContactMode::Cheap);
         let coarser: Vec<String> = coarser.iter().map(|edge| short(edge * 1e3)).collect();
         let coarser = match coarser.is_empty() {
             true => "none: solver.nested_from_mm is less than twice the resolution".into(),

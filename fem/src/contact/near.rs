@@ -13,8 +13,8 @@
 //! there is one energy.
 //!
 //! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved since a softened way
-//! began, where nothing overlapped unless it began at the guess of a coarser mesh: where it seems to have changed by more, the point is outside. There alone the answer hangs on what was
-//! found before, and so a softened way begins without memory.
+//! began, where nothing overlapped unless it began at the guess of a coarser mesh: where it seems to have changed by more, the point is
+//! outside. There alone the answer hangs on what was found before, and so a softened way begins without memory.
 
 use super::candidates::Primitives;
 use super::normals::Normals;

@@ -37,23 +37,21 @@ impl<'a> CoarseRun<'a> {
         let start = before.map_or_else(|| fine.reference(), |frame| frame.x.clone());
         // Surfaces that are apart stay so where they go as the coarse ones do from here on, not where the coarse ones are.
         let keeps_apart = fine.islands.iter().any(|island| island.terms().iter().any(|t| t.keeps_apart()));
-        let left = match (keeps_apart, frame) {
-            (false, _) | (true, 0) => &reference,
-            (true, k) => &self.frames[k - 1].x,
-        };
         let places = |x: &[f64]| {
             let moved: Vec<f64> = x.iter().zip(&reference).map(|(x, X)| x - X).collect();
             let along = self.onto.vectors(&moved).into_iter().zip(&fine.mesh.points);
             along.map(|(u, X)| u.map(|u| Vector3::from(*X) + Vector3::from(u))).collect::<Vec<_>>()
         };
-        let (then, now) = (places(left), places(&reached.x));
-        let turned = if keeps_apart { self.onto.rotations(left, &reached.x) } else { Vec::new() };
-        let mut way: Vec<Option<[f64; 3]>> = vec![None; now.len()];
-        for (n, way) in way.iter_mut().enumerate() {
-            let (Some(then), Some(now)) = (then[n], now[n]) else { continue };
+        let left = keeps_apart.then(|| {
+            let left = if frame == 0 { &reference } else { &self.frames[frame - 1].x };
+            (places(left), self.onto.rotations(left, &reached.x))
+        });
+        let mut way: Vec<Option<[f64; 3]>> = vec![None; fine.mesh.points.len()];
+        for (n, (way, now)) in way.iter_mut().zip(places(&reached.x)).enumerate() {
+            let Some(now) = now else { continue };
             let x = Vector3::from_fn(|c, _| start[3 * n + c]);
-            let off = turned.get(n).copied().flatten().map(|turned| turned * (x - then)).unwrap_or_default();
-            *way = Some((now + off - x).into());
+            let off = left.as_ref().and_then(|(then, turned)| Some(turned[n]? * (x - then[n]?)));
+            *way = Some((now + off.unwrap_or_default() - x).into());
         }
         let from = before.map_or_else(|| fine.load(&[], &[]).expect("nothing is named"), |f| f.load.clone());
         let calm = carried(fine, &start, &from, to);

@@ -196,9 +196,9 @@ impl Run<'_> {
         outcome
     }
 
-    /// Goes to what is guessed of `until`, or moves the load there from `t` in pieces no longer than `piece` and lets the predictor move the free nodes along through whatever
-    /// they touch, to equilibrium with softened contact, and some way towards it where cells would fold before. Where that fails `x` and
-    /// the load are left anywhere.
+    /// Goes to what is guessed of `until`, or moves the load there from `t` in pieces no longer than `piece` and lets the predictor move the
+    /// free nodes along through whatever they touch, to equilibrium with softened contact, and some way towards it where cells would fold
+    /// before. Where that fails `x` and the load are left anywhere.
     fn go_softly(
         &mut self,
         potential: &mut dyn Loading,
@@ -207,8 +207,6 @@ impl Run<'_> {
         until: f64,
         piece: f64,
     ) -> Soft {
-        let mut meets = false;
-        let mut trial = x.to_vec();
         if t < until && potential.is_guessed(until) {
             // Through whatever is on the way: only what is there at its end counts.
             potential.predict(until, x);
@@ -220,6 +218,8 @@ impl Run<'_> {
                 false => Soft::Failed(until),
             };
         }
+        let mut meets = false;
+        let mut trial = x.to_vec();
         loop {
             let from = t;
             let (det_before, _) = potential.least_det_f(x);
