@@ -296,6 +296,18 @@ fn a_folded_face_takes_nobody_in_who_has_not_moved() {
 /// the other; and no node goes far.
 #[test]
 fn ridges_that_cross_are_parted() {
+    let without_points = part_ridges(1e-4, 1e-4, [2e-5, 2e-4]);
+    assert!(without_points >= 20, "{without_points} of 60 are told by their edges alone");
+}
+
+/// So are ridges that cross a hundred times as deep as the gap that is wanted.
+#[test]
+fn ridges_that_cross_deeper_than_the_gap_are_parted() {
+    part_ridges(3e-4, 9e-6, [6e-4, 9e-4]);
+}
+
+/// Parts 60 pairs of ridges that cross by a depth between two \[m\], by `gap` \[m\]; returns in how many no point is inside.
+fn part_ridges(distance: f64, gap: f64, [least, most]: [f64; 2]) -> usize {
     let (mut scene, mut mesh) = (Scene::default(), Mesh::default());
     for name in ["lower", "upper"] {
         let law = LawSpec::NeoHookean { young: 20e3, nu: 0.3 };
@@ -303,8 +315,7 @@ fn ridges_that_cross_are_parted() {
         add(&mut scene, &mut mesh, name, generate::block([4, 3, 3], [0.02, 0.01, 0.01]), [0.0, 0.0, z], law);
         scene.prescribed.push(held(&format!("{name}_x_min"), [true; 3]));
     }
-    let gap = 1e-4;
-    scene.contact = Some(ContactSpec { distance: gap, ..ContactSpec::new(&["lower_block", "upper_block"]) });
+    scene.contact = Some(ContactSpec { distance, ..ContactSpec::new(&["lower_block", "upper_block"]) });
     let plan = plan(&scene, &mesh);
     let contact = contact_of(&plan);
     let crossings = |x: &[f64]| {
@@ -316,7 +327,7 @@ fn ridges_that_cross_are_parted() {
     let mut random = Random::new(3);
     let (mut farthest, mut without_points) = (0.0_f64, 0);
     for round in 0..60 {
-        let depth = random.between(2e-5, 2e-4);
+        let depth = random.between(least, most);
         let across = about(Vector3::z_axis(), random.between(0.3, 1.5));
         let mut x = plan.reference();
         for (of, block) in x.chunks_mut(3 * n).enumerate() {
@@ -344,6 +355,6 @@ fn ridges_that_cross_are_parted() {
     println!(
         "{without_points} of 60 without a point inside; a node goes {farthest:.2} times the depth at most"
     );
-    assert!(without_points >= 20, "{without_points} of 60 are told by their edges alone");
     assert!(farthest < 4.0, "a node goes {farthest:.2} times the depth");
+    without_points
 }

@@ -28,6 +28,11 @@ struct TooClose {
 }
 
 impl TooClose {
+    /// Edges that cross triangles; one that crosses several, several times.
+    fn crossing_edges(&self) -> impl Iterator<Item = u32> {
+        self.crossings.iter().map(|c| c[0])
+    }
+
     /// How much is missing to `gap` \[m\], over all points and crossings.
     fn missing(&self, gap: f64) -> f64 {
         self.near.iter().map(|n| gap - n.gap).sum::<f64>() + gap * self.crossings.len() as f64
@@ -46,6 +51,7 @@ impl Contact {
         let mut now = x.to_vec();
         let mut strides: Option<Vec<f64>> = None;
         let (mut best, mut least) = (None, f64::INFINITY);
+        let mut in_a_row = BTreeMap::<u32, i32>::new();
         for _ in 0..MAX_ROUNDS {
             let p = self.surfaces.positions(&now);
             let near = self.near(&p, gap);
@@ -54,7 +60,15 @@ impl Contact {
                 return Ok(now.iter().zip(x).map(|(a, b)| a - b).collect());
             }
             let found = TooClose { near, crossings };
-            let wishes = self.wishes(&found, gap, &p, moves);
+            in_a_row = found.crossing_edges().map(|e| (e, 1 + in_a_row.get(&e).unwrap_or(&0))).collect();
+            tracing::trace!(
+                near = found.near.len(),
+                crossings = found.crossings.len(),
+                missing = found.missing(gap),
+                longest = in_a_row.values().max(),
+                "parting"
+            );
+            let wishes = self.wishes(&found, &in_a_row, gap, &p, moves);
             let strides = strides.get_or_insert_with(|| self.strides(x.len() / 3, &p));
             for (node, way) in wishes {
                 let fraction = (strides[node as usize] / way.norm()).min(1.0);
@@ -87,10 +101,12 @@ impl Contact {
         strides
     }
 
-    /// The way \[m\] that each node would have to go; of all that are asked of it, the longest.
+    /// The way \[m\] that each node would have to go; of all that are asked of it, the longest. An edge that crosses goes by `gap`, and twice as far
+    /// as in the last round where it crossed then, too: so any depth is come by in few rounds, and nobody goes much farther than that.
     fn wishes(
         &self,
         found: &TooClose,
+        in_a_row: &BTreeMap<u32, i32>,
         gap: f64,
         p: &[Vector3<f64>],
         moves: &dyn Fn(u32) -> bool,
@@ -128,7 +144,7 @@ impl Contact {
             if let Some(way) = self.shortening(e, t, &around, p) {
                 let halves = all.edges[e as usize].points.map(|point| (point, 0.5));
                 let thirds = all.triangles[t as usize].map(|corner| (corner, 1.0 / 3.0));
-                push(&halves, &thirds, way * gap);
+                push(&halves, &thirds, way * gap * f64::powi(2.0, in_a_row[&e] - 1));
             }
         }
         wishes

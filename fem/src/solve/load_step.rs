@@ -18,6 +18,8 @@ const ON_THE_WAY: f64 = 0.05;
 /// Fractions of the activation distance below which contact is softened, one after the other. Surfaces are parted to the last one then: what
 /// has been in equilibrium with hardest softened contact is so with guarded contact, but for edges.
 const SCHEDULE: [f64; 3] = [0.8, 0.1, 0.03];
+/// Where among them a guess of a coarser mesh begins, which is near equilibrium with hard contact: the softest would first lead away from it.
+const FROM_GUESS: usize = 1;
 /// Unstable equilibria that are left in one load step.
 const MAX_KICKS: usize = 3;
 /// Predictions that are tried within one load step.
@@ -115,7 +117,7 @@ impl Run<'_> {
     /// where nothing overlaps, and otherwise leaves `x`.
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
         let (start, before) = (x.to_vec(), potential.energy(x));
-        let better = self.equilibrate_softly(potential, x, load) && potential.energy(x) < before;
+        let better = self.equilibrate_softly(potential, x, load, &SCHEDULE) && potential.energy(x) < before;
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
         match better {
             true => self.report.soft_ways += 1,
@@ -124,12 +126,18 @@ impl Run<'_> {
         better
     }
 
-    /// Takes `x` to equilibrium at the load `load` with softened contact, less and less so, and parts what overlaps then; returns
+    /// Takes `x` to equilibrium at the load `load` with contact softened as `schedule` says, less and less so, and parts what overlaps then; returns
     /// whether that led to a place where nothing overlaps. Newton's method does not try it once more on the way.
-    fn equilibrate_softly(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
+    fn equilibrate_softly(
+        &mut self,
+        potential: &mut dyn Loading,
+        x: &mut [f64],
+        load: f64,
+        schedule: &[f64],
+    ) -> bool {
         self.may_approach = false;
-        let hardest = SCHEDULE[SCHEDULE.len() - 1];
-        let parted = SCHEDULE.iter().all(|&softness| self.relax(potential, x, load, softness))
+        let hardest = schedule[schedule.len() - 1];
+        let parted = schedule.iter().all(|&softness| self.relax(potential, x, load, softness))
             && potential.untangle(x, hardest);
         potential.soften(0.0);
         parted && is_sound(potential, x, 0.0)
@@ -213,7 +221,7 @@ impl Run<'_> {
             if !potential.meets(x) {
                 return Soft::Needless;
             }
-            return match self.equilibrate_softly(potential, x, until) {
+            return match self.equilibrate_softly(potential, x, until, &SCHEDULE[FROM_GUESS..]) {
                 true => Soft::Apart(until),
                 false => Soft::Failed(until),
             };
@@ -260,7 +268,7 @@ impl Run<'_> {
                 return Soft::Failed(t);
             }
         }
-        match self.equilibrate_softly(potential, x, t) {
+        match self.equilibrate_softly(potential, x, t, &SCHEDULE) {
             true => Soft::Apart(t),
             false => Soft::Failed(t),
         }
