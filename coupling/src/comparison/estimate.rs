@@ -23,8 +23,8 @@ const ITERATIONS_WITH_FIBRES: f64 = 74.0;
 /// 0.15 s.
 const SOON: f64 = 0.14;
 /// The share of them that is left where a coarser mesh shows the way, as counted on the walker at 6 mm after 12 mm without contact, and at 6 mm after
-/// 12 mm (0.61) and at 4 mm after 8 mm (0.54) with it.
-const LED: PerConfiguration<f64> = PerConfiguration { without: 0.4, with: 0.6 };
+/// 12 mm (0.42) and at 3 mm after 6 mm (0.33) with it.
+const LED: PerConfiguration<f64> = PerConfiguration { without: 0.4, with: 0.4 };
 /// Newton iterations in contact of all muscles together, which take as many as the slowest. Where numbers of single muscles scatter as times of waiting do
 /// that is the mean times 1 + 1/2 + ... + 1/n: 22 of three, 29 of 17 muscles were counted with the walker, 31 to 45 with other scenes.
 const ITERATIONS_IN_CONTACT: f64 = 10.0;
