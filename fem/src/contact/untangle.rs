@@ -28,11 +28,6 @@ struct TooClose {
 }
 
 impl TooClose {
-    /// Edges that cross triangles; one that crosses several, several times.
-    fn crossing_edges(&self) -> impl Iterator<Item = u32> {
-        self.crossings.iter().map(|c| c[0])
-    }
-
     /// How much is missing to `gap` \[m\], over all points and crossings.
     fn missing(&self, gap: f64) -> f64 {
         self.near.iter().map(|n| gap - n.gap).sum::<f64>() + gap * self.crossings.len() as f64
@@ -51,6 +46,7 @@ impl Contact {
         let mut now = x.to_vec();
         let mut strides: Option<Vec<f64>> = None;
         let (mut best, mut least) = (None, f64::INFINITY);
+        // Rounds in which an edge has crossed something, up to this one.
         let mut in_a_row = BTreeMap::<u32, i32>::new();
         for _ in 0..MAX_ROUNDS {
             let p = self.surfaces.positions(&now);
@@ -60,11 +56,13 @@ impl Contact {
                 return Ok(now.iter().zip(x).map(|(a, b)| a - b).collect());
             }
             let found = TooClose { near, crossings };
-            in_a_row = found.crossing_edges().map(|e| (e, 1 + in_a_row.get(&e).unwrap_or(&0))).collect();
+            let missing = found.missing(gap);
+            in_a_row =
+                found.crossings.iter().map(|&[e, _]| (e, 1 + in_a_row.get(&e).unwrap_or(&0))).collect();
             tracing::trace!(
                 near = found.near.len(),
                 crossings = found.crossings.len(),
-                missing = found.missing(gap),
+                missing,
                 longest = in_a_row.values().max(),
                 "parting"
             );
@@ -76,7 +74,6 @@ impl Contact {
                     now[3 * node as usize + c] += fraction * way[c];
                 }
             }
-            let missing = found.missing(gap);
             if missing < least {
                 (best, least) = (Some(found), missing);
             }
@@ -101,8 +98,8 @@ impl Contact {
         strides
     }
 
-    /// The way \[m\] that each node would have to go; of all that are asked of it, the longest. An edge that crosses goes by `gap`, and twice as far
-    /// as in the last round where it crossed then, too: so any depth is come by in few rounds, and nobody goes much farther than that.
+    /// The way \[m\] that each node would have to go; of all that are asked of it, the longest. An edge that crosses goes by `gap`, and twice as
+    /// far with every round `in_a_row`: so any depth is come by in few rounds, and nobody goes much farther than that.
     fn wishes(
         &self,
         found: &TooClose,
