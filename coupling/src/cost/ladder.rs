@@ -198,7 +198,10 @@ impl Ladder {
         if let Some(same) = self.rungs.iter().position(|rung| is_same(&rung.scene, &scene)) {
             return Ok(same);
         }
-        self.rungs.push(Rung { name: name.to_string(), differs, scene });
+        // Each has a folder of its own.
+        let names = (2..).map(|n| format!("{name}_{n}"));
+        let free = std::iter::once(name.to_string()).chain(names).find(|name| self.rung(name).is_none());
+        self.rungs.push(Rung { name: free.expect("names do not end"), differs, scene });
         Ok(self.rungs.len() - 1)
     }
 }
@@ -391,6 +394,15 @@ fn words(value: &Value) -> String {
     match value {
         Value::String(word) => word.clone(),
         Value::Float(number) => crate::number::short(*number),
+        Value::Array(list) if list.is_empty() => "none".into(),
+        Value::Array(list) if list.iter().all(Value::is_table) => {
+            let whats = list.iter().filter_map(Value::as_table).map(|entry| {
+                // Which muscles have it is in the scene.
+                let what = entry.iter().filter(|(key, _)| *key != "muscle").map(|(_, value)| words(value));
+                what.collect::<Vec<_>>().join(" ")
+            });
+            whats.collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(" ")
+        }
         Value::Array(list) => list.len().to_string(),
         other => other.to_string(),
     }
@@ -427,6 +439,21 @@ mod tests {
         assert!(ladder.rungs[1].scene.contact.is_some() && ladder.rungs[3].scene.contact.is_none());
         assert_eq!((ladder.name.as_str(), ladder.scene.as_str()), ("my", "walker"));
         assert_eq!(ladder.rungs[0].scene.steps, Scene::walker().steps);
+    }
+
+    #[test]
+    fn rungs_of_lists_have_folders_of_their_own() {
+        let alone = |level: &str| format!("[{{ muscle = \"gracilis\", {level} }}]");
+        let levels = ["level = \"line\"", "level = \"embedded\", cell_mm = 60.0"].map(alone).join(", ");
+        let axis = |name: &str, key: &str, values: &str| {
+            format!(
+                "\n[[axis]]\nname = \"{name}\"\nkey = \"{key}\"\nvalues = [{values}]\nerror = \"modelling\"\n"
+            )
+        };
+        let muscles = axis("muscles", "muscles", "[\"gracilis\"], [\"sartorius\"]");
+        let ladder = parse(&format!("{TEXT}{muscles}{}", axis("fidelity", "fidelity", &levels))).unwrap();
+        let names: Vec<&str> = ladder.rungs[5..].iter().map(|r| r.name.as_str()).collect();
+        assert_eq!(names, ["muscles_1", "muscles_1_2", "fidelity_line", "fidelity_60_embedded"]);
     }
 
     #[test]
