@@ -4,8 +4,9 @@
 //! - `pull`: from there all muscles activated by 20 %, then by 50 %;
 //! - `belt`: in standing, a stiff belt of 40 mm around the middle of the thigh squeezes it by 10 % of its girth.
 //!
-//! `cargo run --release -p sartorius-coupling --example thigh_contact [MM [CASE]]`; a line per state reached, with what it took. Exit code 3
-//! where a state is not reached, surfaces intersect, or an element is inverted.
+//! `cargo run --release -p sartorius-coupling --example thigh_contact [MM [CASE [COARSE_MM]]]`; a line per state reached, with what it took.
+//! Where a coarser mesh is asked for, contact is solved on that one first, which leads the fine one; seconds of both count then.
+//! Exit code 3 where a state is not reached, surfaces intersect, or an element is inverted.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -23,8 +24,9 @@ use coupling::thigh::{BuiltIn, built_in};
 use fem::body::Pose;
 use fem::measure::intersections;
 use fem::mesh::{CellBlock, CellKind};
+use fem::nested::CoarseRun;
 use fem::plan::Plan;
-use fem::run::{DriveFrame, Session};
+use fem::run::{DriveFrame, Frame, Session};
 use fem::scene::PrescribedSpec;
 use fem::solve::{Advance, Settings};
 use multibody::model::{Ankle, Model};
@@ -57,8 +59,8 @@ fn main() -> ExitCode {
     let edge = 1e-3 * argument(1).map_or(6.0, |a| a.parse().expect("edge length in mm"));
     let case = argument(2).unwrap_or("all".into());
     let wanted = |name: &str| case == name || case == "all";
+    let coarse_edge = argument(3).map(|a| 1e-3 * a.parse::<f64>().expect("edge length in mm"));
 
-    let made = built_in(edge, &[], ThighEffects { fibres: Some(1), shells: true }).expect("built-in tables");
     let (trial, anatomy) = walker(Knee::Hinge);
     let model = Model::new(&trial, anatomy, Ankle::Universal).expect("the walker has markers");
     let registration =
@@ -67,12 +69,53 @@ fn main() -> ExitCode {
         .posture(&model, 30_f64.to_radians(), 15_f64.to_radians())
         .expect("the patella finds its place there too");
     let poses = registration.poses(&model, &flexed);
+    let (made, thigh) = calibrated(edge, &model, &registration);
+    let coarse = coarse_edge.map(|edge| {
+        let (made, thigh) = calibrated(edge, &model, &registration);
+        with_contact(&thigh, &made)
+    });
+    let coarse = coarse.as_ref();
+
+    let posture = Goal { name: "posture", activation: 0.0, flexed: true, belt: 0.0 };
+    let pull = |name, activation| Goal { name, activation, flexed: true, belt: 0.0 };
+    let belt = Goal { name: "belt", activation: 0.0, flexed: false, belt: 1.0 };
+    let mut good = true;
+    if wanted("posture") {
+        good &= run(&thigh, "without contact", &[&posture], &poses, None);
+    }
+    let with = with_contact(&thigh, &made);
+    if wanted("pull") {
+        good &= run(
+            &with,
+            "with contact",
+            &[&posture, &pull("pull 20 %", 0.2), &pull("pull 50 %", 0.5)],
+            &poses,
+            coarse,
+        );
+    } else if wanted("posture") {
+        good &= run(&with, "with contact", &[&posture], &poses, coarse);
+    }
+    if wanted("belt") {
+        let frames = registration.frames();
+        let belted = |thigh: &Thigh| {
+            let mut thigh = thigh.clone();
+            add_belt(&mut thigh, 0.5 * (frames.hip.y + frames.knee.y));
+            thigh
+        };
+        good &= run(&belted(&with), "with contact", &[&belt], &poses, coarse.map(belted).as_ref());
+    }
+    if good { ExitCode::SUCCESS } else { ExitCode::from(3) }
+}
+
+/// The thigh with edges of `edge` \[m\], calibrated, without contact.
+fn calibrated(edge: f64, model: &Model, registration: &Registration) -> (BuiltIn, Thigh) {
+    let made = built_in(edge, &[], ThighEffects { fibres: Some(1), shells: true }).expect("built-in tables");
     let clock = Instant::now();
     let cache = Cache::beside(Path::new("target/thigh_contact"));
     let fibres = FibreTask {
         thigh: &made.thigh,
-        model: &model,
-        registration: &registration,
+        model,
+        registration,
         steps: &[],
         stress_free: StressFree::Standing,
         kind: Fibres::Hill,
@@ -81,28 +124,7 @@ fn main() -> ExitCode {
     let thigh = fibres.calibrate(&SETTINGS, Some(&cache)).expect("every muscle can be calibrated").thigh;
     let n = thigh.mesh.blocks.iter().filter(|b| b.kind.is_solid()).map(|b| b.n_cells()).sum::<usize>();
     println!("{n} elements of {:.0} mm, calibrated in {:.0} s", 1e3 * edge, clock.elapsed().as_secs_f64());
-
-    let posture = Goal { name: "posture", activation: 0.0, flexed: true, belt: 0.0 };
-    let pull = |name, activation| Goal { name, activation, flexed: true, belt: 0.0 };
-    let belt = Goal { name: "belt", activation: 0.0, flexed: false, belt: 1.0 };
-    let mut good = true;
-    if wanted("posture") {
-        good &= run(&thigh, "without contact", &[&posture], &poses);
-    }
-    let with = with_contact(&thigh, &made);
-    if wanted("pull") {
-        good &=
-            run(&with, "with contact", &[&posture, &pull("pull 20 %", 0.2), &pull("pull 50 %", 0.5)], &poses);
-    } else if wanted("posture") {
-        good &= run(&with, "with contact", &[&posture], &poses);
-    }
-    if wanted("belt") {
-        let mut belted = with;
-        let frames = registration.frames();
-        add_belt(&mut belted, 0.5 * (frames.hip.y + frames.knee.y));
-        good &= run(&belted, "with contact", &[&belt], &poses);
-    }
-    if good { ExitCode::SUCCESS } else { ExitCode::from(3) }
+    (made, thigh)
 }
 
 fn with_contact(thigh: &Thigh, made: &BuiltIn) -> Thigh {
@@ -111,12 +133,40 @@ fn with_contact(thigh: &Thigh, made: &BuiltIn) -> Thigh {
     thigh
 }
 
-/// Drives a thigh from goal to goal; prints a line for each and returns whether all is well.
-fn run(thigh: &Thigh, configuration: &str, goals: &[&Goal], poses: &[Pose; 4]) -> bool {
-    let plan = Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap_or_else(|e| panic!("{e}"));
+/// Drives a thigh from goal to goal, led by the `coarse` one where there is one; prints a line for each and returns whether all is well.
+fn run(
+    thigh: &Thigh,
+    configuration: &str,
+    goals: &[&Goal],
+    poses: &[Pose; 4],
+    coarse: Option<&Thigh>,
+) -> bool {
+    let plan_of =
+        |thigh: &Thigh| Plan::new(&thigh.scene, thigh.mesh.clone()).unwrap_or_else(|e| panic!("{e}"));
+    let plan = plan_of(thigh);
+    let Some(coarse) = coarse.map(plan_of) else {
+        return solve(&plan, configuration, goals, poses, None).is_some();
+    };
+    let Some(frames) = solve(&coarse, &format!("{configuration}, coarse"), goals, poses, None) else {
+        return false;
+    };
+    let clock = Instant::now();
+    let led = CoarseRun::new(&coarse, &frames, &plan);
+    println!("{configuration}: ways from mesh to mesh in {:.1} s", clock.elapsed().as_secs_f64());
+    solve(&plan, &format!("{configuration}, led"), goals, poses, Some(&led)).is_some()
+}
+
+/// Drives a plan from goal to goal; prints a line for each and returns the frames, where all is well.
+fn solve(
+    plan: &Plan,
+    configuration: &str,
+    goals: &[&Goal],
+    poses: &[Pose; 4],
+    led: Option<&CoarseRun>,
+) -> Option<Vec<Frame>> {
     let settings = Settings { tolerance: RESIDUAL / SETTINGS.least_force, ..SETTINGS };
-    let mut session = Session::new(&plan, &settings, None).expect("settings that can be");
-    let mut good = true;
+    let mut session = Session::new(plan, &settings, None).expect("settings that can be");
+    let mut frames: Vec<Frame> = Vec::new();
     for (k, goal) in goals.iter().enumerate() {
         let value = |c: &String| if c == "belt" { goal.belt } else { goal.activation };
         let controls: Vec<(&str, f64)> = plan.controls.iter().map(|c| (c.as_str(), value(c))).collect();
@@ -127,7 +177,8 @@ fn run(thigh: &Thigh, configuration: &str, goals: &[&Goal], poses: &[Pose; 4]) -
             .collect();
         let load = plan.load(&controls, &moved).expect("bodies and controls of the plan");
         let clock = Instant::now();
-        let done = session.advance(&DriveFrame { time: 1.0 + k as f64, load });
+        let way = led.map_or(Vec::new(), |coarse| coarse.way(plan, frames.last(), k, &load));
+        let done = session.advance_along(&DriveFrame { time: 1.0 + k as f64, load }, &way);
         let seconds = clock.elapsed().as_secs_f64();
         let islands = &done.frame.islands;
         let sum = |of: fn(&Advance) -> f64| islands.iter().map(of).sum::<f64>();
@@ -135,9 +186,9 @@ fn run(thigh: &Thigh, configuration: &str, goals: &[&Goal], poses: &[Pose; 4]) -
         // What nothing can move is not solved.
         let solved = islands.iter().filter(|i| i.load_steps > 0);
         let det = solved.map(|i| i.least_det_f).fold(f64::INFINITY, f64::min);
-        let met = intersections(&plan, done.frame.snapshot());
+        let met = intersections(plan, done.frame.snapshot());
         println!(
-            "{configuration:16} {:10} {seconds:6.1} s  {:4.0} Newton {:6.0} CG {:4.0} factors  contact {:4.1}, assembly {:4.1}, factors {:4.1}, CG {:4.1} %  least det F {det:.3}  {} intersections{}",
+            "{configuration:20} {:10} {seconds:6.1} s  {:4.0} Newton {:6.0} CG {:4.0} factors  contact {:4.1}, assembly {:4.1}, factors {:4.1}, CG {:4.1} %  least det F {det:.3}  {} intersections{}",
             goal.name,
             sum(|i| i.iterations as f64),
             sum(|i| i.linear_iterations as f64),
@@ -151,12 +202,12 @@ fn run(thigh: &Thigh, configuration: &str, goals: &[&Goal], poses: &[Pose; 4]) -
         );
         met.iter().for_each(|([a, b], n)| println!("  {a} and {b}: {n} pairs of triangles"));
         done.errors.iter().for_each(|e| println!("  {e}"));
-        good &= met.is_empty() && det > 0.0 && done.errors.is_empty();
-        if !done.errors.is_empty() {
-            break;
+        if !(met.is_empty() && det > 0.0 && done.errors.is_empty()) {
+            return None;
         }
+        frames.push(done.frame);
     }
-    good
+    Some(frames)
 }
 
 /// A closed ring of cells around the thigh at `height` \[m\], all of it prescribed by the control `belt`: at 1 its girth is smaller by

@@ -266,7 +266,8 @@ impl Prepared {
 
     /// Meshes the thigh. `lap` is called as that ends.
     pub fn of(sized: Sized, lap: &mut dyn FnMut(&str)) -> Result<Prepared, CouplingError> {
-        let kept = sized.scene.nested_from.is_some().then(|| sized.at(sized.scene.resolution));
+        let is_led = |c: Configuration| !sized.scene.coarser(c).is_empty();
+        let kept = Configuration::ALL.into_iter().any(is_led).then(|| sized.at(sized.scene.resolution));
         let Sized { scene, done, registration, steps, limb, inputs } = sized;
         let mut made = limb
             .map(|limb| from_limb(limb, scene.resolution, scene.inset, &scene.muscles, effects(&scene)))

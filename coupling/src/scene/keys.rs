@@ -40,7 +40,7 @@ pub const KEYS: &[Key] = &[
     key("solver", Section, Optional("the defaults of its keys"), "", "How the steps are solved", ""),
     key("solver.method", Word(&["newton", "relaxation"]), Default("\"newton\""), "", "Newton's method with sparse factors, or dynamic relaxation, which needs no matrices", "\"relaxation\""),
     key("solver.max_steps", Count(1, 100_000_000), Default("100000"), "", "Time steps of dynamic relaxation that a step may take per body before it is given up", "1000000"),
-    key("solver.nested_from_mm", Number(*RESOLUTIONS.start(), *RESOLUTIONS.end()), Optional("the mesh is solved at once"), "mm", "Meshes of 2, 4, ... times `resolution_mm`, up to this, are solved first, from coarse to fine; each shows the next one the way; not in cheap contact", "12.0"),
+    key("solver.nested_from_mm", Number(*RESOLUTIONS.start(), *RESOLUTIONS.end()), Optional("12 mm, but for muscles in grids, relaxation and strict steps"), "mm", "Meshes of 2, 4, ... times `resolution_mm`, up to this, are solved first, from coarse to fine; each shows the next one the way; not in cheap contact; less than twice `resolution_mm`: the mesh is solved at once", "12.0"),
 
     key("effects", Section, Optional("the defaults of its keys"), "", "What is simulated; what is left out costs nothing", ""),
     key("effects.fibres", Word(&["hill", "thermal", "none"]), Optional("hill; thermal where the mesh is free of stress at heel strike"), "", "Law of the fibres: force from activation and length, from contraction as in the publication, or passive tissue", "\"hill\""),

@@ -60,6 +60,7 @@ impl Scene {
         let coarser = self.coarser(Configuration::WithoutContact);
         let is_cheap = self.contact == Some(ContactMode::Cheap);
         let coarser: Vec<String> = coarser.iter().map(|edge| short(edge * 1e3)).collect();
+        let is_led = !coarser.is_empty();
         let coarser = match coarser.is_empty() {
             true => "none: solver.nested_from_mm is less than twice the resolution".into(),
             false if is_cheap => format!("{} mm, without contact", coarser.join(" and ")),
@@ -70,7 +71,7 @@ impl Scene {
             "Inset of the muscles" => self.deformable && self.inset > 0.0,
             "Activations" => self.deformable && self.controller.is_some(),
             "Muscles in grids" => self.deformable && in_grids.is_some(),
-            "Coarser meshes first" => self.deformable && self.nested_from.is_some(),
+            "Coarser meshes first" => self.deformable && (self.nested_from.is_some() || is_led),
             _ => self.deformable,
         };
         [
