@@ -43,6 +43,26 @@ fn levels_are_read_and_lines_are_left_out() {
 }
 
 #[test]
+fn coarser_meshes_lead_without_being_asked_where_they_can() {
+    // Edges of those before a mesh of 3 mm, without contact and with it [mm].
+    let led = |rest: &str| {
+        let scene = parse(&format!("resolution_mm = 3.0\n{rest}")).unwrap();
+        Configuration::ALL
+            .map(|c| scene.coarser(c).iter().map(|e| (1e3 * e).round() as u32).collect::<Vec<_>>())
+    };
+    let (both, none) = (vec![12, 6], Vec::new());
+    assert_eq!(led(""), [both.clone(), both.clone()]);
+    assert_eq!(led("[solver]\nnested_from_mm = 6.0\n"), [vec![6], vec![6]]);
+    assert_eq!(led("[solver]\nnested_from_mm = 3.0\n"), [none.clone(), none.clone()]);
+    assert_eq!(led("[effects]\ncontact = \"cheap\"\n"), [both, none.clone()]);
+    let grid = level("gracilis", "embedded", "cell_mm = 30.0");
+    for alone in ["[solver]\nmethod = \"relaxation\"\n", "[accuracy]\nstrict_steps = 5\n", &grid] {
+        assert_eq!(led(alone), [none.clone(), none.clone()], "{alone}");
+    }
+    assert_eq!(Scene::walker().coarser(Configuration::WithContact), Vec::<f64>::new());
+}
+
+#[test]
 fn mistakes_are_named_all_at_once() {
     let text = "muscles = [\"sartorius\", \"gracilis\"]\n".to_string()
         + &level("gracillis", "line", "")
