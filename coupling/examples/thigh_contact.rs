@@ -166,7 +166,7 @@ fn solve(
 ) -> Option<Vec<Frame>> {
     let settings = Settings { tolerance: RESIDUAL / SETTINGS.least_force, ..SETTINGS };
     let mut session = Session::new(plan, &settings, None).expect("settings that can be");
-    let mut frames: Vec<Frame> = Vec::new();
+    let (mut frames, mut good): (Vec<Frame>, bool) = (Vec::new(), true);
     for (k, goal) in goals.iter().enumerate() {
         let value = |c: &String| if c == "belt" { goal.belt } else { goal.activation };
         let controls: Vec<(&str, f64)> = plan.controls.iter().map(|c| (c.as_str(), value(c))).collect();
@@ -202,12 +202,13 @@ fn solve(
         );
         met.iter().for_each(|([a, b], n)| println!("  {a} and {b}: {n} pairs of triangles"));
         done.errors.iter().for_each(|e| println!("  {e}"));
-        if !(met.is_empty() && det > 0.0 && done.errors.is_empty()) {
-            return None;
+        good &= met.is_empty() && det > 0.0 && done.errors.is_empty();
+        if !done.errors.is_empty() {
+            break;
         }
         frames.push(done.frame);
     }
-    Some(frames)
+    good.then_some(frames)
 }
 
 /// A closed ring of cells around the thigh at `height` \[m\], all of it prescribed by the control `belt`: at 1 its girth is smaller by

@@ -396,14 +396,14 @@ fn words(value: &Value) -> String {
         Value::Float(number) => crate::number::short(*number),
         Value::Array(list) if list.is_empty() => "none".into(),
         Value::Array(list) if list.iter().all(Value::is_table) => {
-            let whats = list.iter().filter_map(Value::as_table).map(|entry| {
-                // Which muscles have it is in the scene.
-                let what = entry.iter().filter(|(key, _)| *key != "muscle").map(|(_, value)| words(value));
-                what.collect::<Vec<_>>().join(" ")
-            });
-            whats.collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(" ")
+            list.iter().map(words).collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(" ")
         }
         Value::Array(list) => list.len().to_string(),
+        // Which muscles have it is in the scene.
+        Value::Table(entry) => {
+            let what = entry.iter().filter(|(key, _)| *key != "muscle").map(|(_, value)| words(value));
+            what.collect::<Vec<_>>().join(" ")
+        }
         other => other.to_string(),
     }
 }

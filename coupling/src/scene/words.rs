@@ -61,10 +61,10 @@ impl Scene {
         let is_cheap = self.contact == Some(ContactMode::Cheap);
         let coarser: Vec<String> = coarser.iter().map(|edge| short(edge * 1e3)).collect();
         let is_led = !coarser.is_empty();
-        let coarser = match coarser.is_empty() {
-            true => "none: solver.nested_from_mm is less than twice the resolution".into(),
-            false if is_cheap => format!("{} mm, without contact", coarser.join(" and ")),
-            false => format!("{} mm", coarser.join(" and ")),
+        let coarser = match is_led {
+            false => "none: solver.nested_from_mm is less than twice the resolution".into(),
+            true if is_cheap => format!("{} mm, without contact", coarser.join(" and ")),
+            true => format!("{} mm", coarser.join(" and ")),
         };
         let of_thigh = |(label, _): &(&str, String)| match *label {
             "Trial" | "Thigh" | "Steps" => true,
