@@ -10,7 +10,7 @@ use crate::output::OutputError;
 use coupling::comparison::Comparison;
 use coupling::comparison::speed::iteration_seconds;
 use coupling::configuration::{Configuration, PerConfiguration};
-use coupling::cost::curve::{Curve, Point, cheapest};
+use coupling::cost::curve::{Curve, MARGIN, Point, cheapest};
 use coupling::cost::ladder::changed;
 use coupling::cost::rung::{Deviation, numbers_of, read_numbers};
 use coupling::number::significant;
@@ -91,7 +91,7 @@ impl Accuracy {
             );
         }
         format!(
-            "accuracy: {} % wanted; {} promises {} % on {}, in {} s there{}",
+            "accuracy: {} % wanted; {} promises {} %, {MARGIN} times what it was off by on {}, in {} s there{}",
             self.wanted,
             self.chosen.setting,
             significant(self.chosen.promise(), 2),
@@ -136,7 +136,7 @@ impl Accuracy {
             return Ok((note, None));
         }
         let estimated = match coarser.difference_percent > 0.0 {
-            true => found * self.chosen.promise() / coarser.difference_percent,
+            true => found * self.chosen.bound() / coarser.difference_percent,
             false => found,
         };
         self.estimated.set(Some(estimated));
@@ -157,10 +157,10 @@ impl Accuracy {
     /// The cheapest setting that this scene needs by what its check found, where the one chosen does not do.
     pub fn finer(&mut self) -> bool {
         let Some(estimated) = self.estimated.take().filter(|e| *e > self.wanted) else { return false };
-        // As much worse here as the chosen one is.
-        let worse = estimated / self.chosen.promise().max(f64::MIN_POSITIVE);
-        let Some(next) = cheapest(&self.points, self.wanted / worse).cloned() else { return false };
-        if next.promise() >= self.chosen.promise() {
+        // As much worse here as the chosen one is; measured here, so that no margin comes on top.
+        let worse = estimated / self.chosen.bound().max(f64::MIN_POSITIVE);
+        let Some(next) = cheapest(&self.points, MARGIN * self.wanted / worse).cloned() else { return false };
+        if next.bound() >= self.chosen.bound() {
             return false;
         }
         self.chosen = next;

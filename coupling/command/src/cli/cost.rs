@@ -118,6 +118,7 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
         let at = ladder.add(&name, differs, data)?;
         if at >= endings.len() {
             let (known, _) = Before::of(&ladder, at, data)?;
+            let name = ladder.rungs[at].name.clone();
             endings.push(Some(ending(&mut out, &name, &known, arguments)?));
             progress.lap(&name);
         }

@@ -1,7 +1,7 @@
 //! The page of `cost`: error against seconds, what every axis buys, what every effect costs, how sure every force is.
 
 use coupling::cost::accuracy::{Errors, errors};
-use coupling::cost::curve::{Curve, cheapest, pareto};
+use coupling::cost::curve::{Curve, MARGIN, cheapest, pareto};
 use coupling::cost::ladder::{Ladder, Owner};
 use coupling::cost::rung::{Deviation, Ending, LEAST_FORCE, SECTION_FORCE, Taken};
 use coupling::number::{fixed, significant, with_error};
@@ -164,7 +164,7 @@ pub fn cost_page(report: &CostReport) -> String {
         })
         .collect();
     let lead = format!(
-        "Error: of the section force that is farthest from that of {}, of all above {LEAST_FORCE} N. Seconds without calibration, which is made once per mesh. A setting promises what it and every finer one keep: where a finer one is farther off, it was near by chance.",
+        "Error: of the section force that is farthest from that of {}, of all above {LEAST_FORCE} N. Seconds without calibration, which is made once per mesh. A setting promises {MARGIN} times what it and every finer one keep: where a finer one is farther off, it was near by chance, and another scene is not this one.",
         report.reference_name()
     );
     body += &section(
