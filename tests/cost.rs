@@ -308,7 +308,7 @@ fn a_ladder_is_measured_and_resumed_with_the_same_bytes_on_any_number_of_threads
     assert_eq!(point("mesh_17").coarser.as_ref().unwrap().keys["resolution_mm"].as_float(), Some(20.0));
     // Nothing is finer than the last mesh, and the base promises no less than it is off.
     let [base, finest] = ["base", "mesh_17"].map(point);
-    assert_eq!((base.promised_percent, finest.promised_percent), (Some(base.error_percent), Some(0.0)));
+    assert_eq!((base.bound_percent, finest.bound_percent), (Some(base.error_percent), Some(0.0)));
     let errors = fs::read_to_string(at("one/errors.csv")).unwrap();
     assert!(
         errors.lines().any(|l| l.starts_with("heel_strike,section_force_N,biceps_femoris_short_head,")),

@@ -63,17 +63,6 @@ fn coarser_meshes_lead_without_being_asked_where_they_can() {
 }
 
 #[test]
-fn a_mesh_that_shows_the_way_is_solved_no_farther_than_a_guess_needs() {
-    let guess = |rest: &str| {
-        let residuals = parse(rest).unwrap().residuals_of_a_guess();
-        Configuration::ALL.map(|c| residuals[c])
-    };
-    assert_eq!(guess(""), [0.1, 10.0]);
-    assert_eq!(guess("[accuracy]\nresidual_n = 0.01\ncontact_residual_n = 1.0\n"), [0.1, 10.0]);
-    assert_eq!(guess("[accuracy]\nresidual_n = 1.0\ncontact_residual_n = 30.0\n"), [1.0, 30.0]);
-}
-
-#[test]
 fn mistakes_are_named_all_at_once() {
     let text = "muscles = [\"sartorius\", \"gracilis\"]\n".to_string()
         + &level("gracillis", "line", "")

@@ -226,11 +226,9 @@ impl Sized {
         &self.done.case.doubts
     }
 
-    /// A coarser mesh that shows the way, with edges of this length \[m\]: solved to what a scene is solved to that says nothing, as all below that is lost
-    /// in the step to the finer mesh.
+    /// The same with edges of this length \[m\].
     pub(crate) fn at(&self, edge: f64) -> Sized {
-        let scene =
-            Scene { resolution: edge, residuals: self.scene.residuals_of_a_guess(), ..self.scene.clone() };
+        let scene = Scene { resolution: edge, ..self.scene.clone() };
         let (done, registration) = (self.done.clone(), self.registration.clone());
         let (steps, limb) = (self.steps.clone(), self.limb.clone());
         Sized { scene, done, registration, steps, limb, inputs: Vec::new() }

@@ -329,11 +329,6 @@ impl Scene {
         edges
     }
 
-    /// Residuals \[N\] that [coarser meshes](Scene::coarser) are solved to.
-    pub fn residuals_of_a_guess(&self) -> PerConfiguration<f64> {
-        PerConfiguration::of(|c| self.residuals[c].max(NATURAL_RESIDUALS[c]))
-    }
-
     /// Reads the text of a scene; every mistake is named. `file` tells the folder and is named in errors.
     pub fn parse(file: &Path, text: &str, data: Option<&Path>) -> Result<Scene, InputError> {
         wanted(TomlKind::Scene, file, text)?;
