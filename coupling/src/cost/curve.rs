@@ -257,7 +257,8 @@ mod tests {
         let point = |setting: &str| curve.contact.iter().find(|p| p.setting == setting).unwrap();
         assert_eq!(point("mesh_16").bound(), point("mesh_8").error_percent);
         assert!(curve.contact.iter().chain(&curve.no_contact).all(|p| p.bound() >= p.error_percent));
-        assert_eq!(cheapest(&curve.contact, 5.0).unwrap().setting, "mesh_6");
+        let taken = [5.0, 2.0].map(|wanted| cheapest(&curve.contact, wanted).unwrap().setting.clone());
+        assert_eq!(taken, ["mesh_6", "finest"]);
     }
 
     #[test]
