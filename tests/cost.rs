@@ -398,7 +398,7 @@ fn an_accuracy_takes_the_cheapest_setting_and_goes_finer_where_its_check_asks_fo
     let (code, said) = compare("1000.0", "15%");
     assert_eq!(code, Some(0), "{said}");
     assert!(
-        said.contains("middle promises 12 %, 3 times what it was off by on two")
+        said.contains("middle promises 12 %, 3 times what it and all finer ones were off by on two")
             && said.contains("checked with coarse"),
         "{said}"
     );

@@ -17,9 +17,9 @@ use super::rung::{Deviation, Ending};
 /// Key of a scene that says whether bodies take notice of each other.
 const CONTACT: &str = "effects.contact";
 
-/// Factor of safety between an error that was measured once and one that is promised elsewhere: that of Roache (1994, "Perspective: a method for uniform
-/// reporting of grid refinement studies", J. Fluids Eng. 116, 405) for a pair of meshes, where nothing shows how the error goes on. A scene is known by its
-/// name alone, so that the one which the curve was measured on is promised no more.
+/// Factor between an error that was measured on one scene and what is promised of any: as large as the factor of safety of Roache (1994, "Perspective:
+/// a method for uniform reporting of grid refinement studies", J. Fluids Eng. 116, 405) for a single pair of meshes, where nothing shows how an error
+/// goes on. A scene is known by its name alone, so that the one which the curve was measured on gets the same margin.
 pub const MARGIN: f64 = 3.0;
 
 /// A setting with what it costs and how far it is from the finest.
@@ -50,7 +50,7 @@ impl Point {
         self.bound_percent.unwrap_or(self.error_percent)
     }
 
-    /// What it promises of a scene that the curve was not measured on \[%\]: [`MARGIN`] times its [bound](Point::bound).
+    /// What it promises of any scene \[%\]: [`MARGIN`] times its [bound](Point::bound).
     pub fn promise(&self) -> f64 {
         MARGIN * self.bound()
     }

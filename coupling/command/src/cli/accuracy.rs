@@ -91,7 +91,7 @@ impl Accuracy {
             );
         }
         format!(
-            "accuracy: {} % wanted; {} promises {} %, {MARGIN} times what it was off by on {}, in {} s there{}",
+            "accuracy: {} % wanted; {} promises {} %, {MARGIN} times what it and all finer ones were off by on {}, in {} s there{}",
             self.wanted,
             self.chosen.setting,
             significant(self.chosen.promise(), 2),
@@ -157,7 +157,7 @@ impl Accuracy {
     /// The cheapest setting that this scene needs by what its check found, where the one chosen does not do.
     pub fn finer(&mut self) -> bool {
         let Some(estimated) = self.estimated.take().filter(|e| *e > self.wanted) else { return false };
-        // As much worse here as the chosen one is; measured here, so that no margin comes on top.
+        // As much worse here as the chosen one is: an estimate of this scene itself, so that no margin comes on top.
         let worse = estimated / self.chosen.bound().max(f64::MIN_POSITIVE);
         let Some(next) = cheapest(&self.points, MARGIN * self.wanted / worse).cloned() else { return false };
         if next.bound() >= self.chosen.bound() {

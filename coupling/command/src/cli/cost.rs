@@ -131,7 +131,7 @@ pub fn run(arguments: &CostArguments, quiet: bool) -> Result<Outcome, CommandErr
     out.write("cost.csv", |w| write_cost(w, &report))?;
     out.write("axes.csv", |w| write_axes(w, &report))?;
     out.write("errors.csv", |w| write_errors(w, &report))?;
-    // Before and after an hour: the faster one counts here, too, as other programs come and go.
+    // Before the ladder and after it; the faster one counts, as other programs can only make it longer.
     let iteration_s = Some(iteration_s.min(iteration_seconds()));
     let curve = Curve { iteration_s, ..report.curve() };
     let curve = toml::to_string(&curve).expect("plain data");
