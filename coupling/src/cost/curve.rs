@@ -45,6 +45,11 @@ pub struct Point {
 }
 
 impl Point {
+    /// Whether it is the one that all others are measured against.
+    pub fn is_reference(&self) -> bool {
+        self.error_percent == 0.0
+    }
+
     /// How far it and all that are nowhere coarser were off at most \[%\].
     pub fn bound(&self) -> f64 {
         self.bound_percent.unwrap_or(self.error_percent)

@@ -77,14 +77,9 @@ impl Accuracy {
         keys
     }
 
-    /// Whether the setting that was chosen is the one that all others are measured against.
-    fn is_finest(&self) -> bool {
-        self.chosen.error_percent == 0.0
-    }
-
     /// What was chosen, in words.
     pub fn said(&self) -> String {
-        if self.is_finest() {
+        if self.chosen.is_reference() {
             return format!(
                 "accuracy: {} % wanted; only {} will do, the finest setting measured on {}: how far that is off the curve cannot tell",
                 self.wanted, self.chosen.setting, self.measured_on
@@ -125,7 +120,7 @@ impl Accuracy {
         let Some(found) = Deviation::of(&numbers, &own).map(|d| 100.0 * d.largest) else {
             return Ok((format!("{}; no force above 20 N to check it with", self.said()), None));
         };
-        if self.is_finest() {
+        if self.chosen.is_reference() {
             let note = format!(
                 "{}; {} differs from it by {} % here and by {} % there",
                 self.said(),
@@ -157,10 +152,10 @@ impl Accuracy {
     /// The cheapest setting that this scene needs by what its check found, where the one chosen does not do.
     pub fn finer(&mut self) -> bool {
         let Some(estimated) = self.estimated.take().filter(|e| *e > self.wanted) else { return false };
-        // As much worse here as the chosen one is: an estimate of this scene itself, so that no margin comes on top.
-        let worse = estimated / self.chosen.bound().max(f64::MIN_POSITIVE);
-        let Some(next) = cheapest(&self.points, MARGIN * self.wanted / worse).cloned() else { return false };
-        if next.bound() >= self.chosen.bound() {
+        // As much worse here as the chosen one is: an estimate of this scene itself, in which the margin of both promises cancels.
+        let worse = estimated / self.chosen.promise().max(f64::MIN_POSITIVE);
+        let Some(next) = cheapest(&self.points, self.wanted / worse).cloned() else { return false };
+        if next.promise() >= self.chosen.promise() {
             return false;
         }
         self.chosen = next;

@@ -158,8 +158,7 @@ pub fn cost_page(report: &CostReport) -> String {
                 format!("{percent} %"),
                 p.setting.clone(),
                 fixed(p.seconds, 1),
-                // The finest one is what all are measured against.
-                if p.error_percent == 0.0 { "–".into() } else { significant(p.promise(), 2) },
+                if p.is_reference() { "–".into() } else { significant(p.promise(), 2) },
             ],
             None => vec![format!("{percent} %"), "no rung reaches it".into(), "–".into(), "–".into()],
         })
