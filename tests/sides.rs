@@ -150,14 +150,14 @@ fn two_surfaces_press_on_one_area_whoever_is_named_first() {
 /// A ball between two pegs snaps in between them in the last of four steps, on the softened way and by collision detection: its line crosses
 /// that of a peg on the straight way from frame to frame.
 #[test]
-fn a_frame_that_changes_sides_is_gone_again_by_collision_detection() {
+fn a_guess_that_changes_sides_is_thrown_away() {
     let blobs = FAMILIES.iter().position(|f| *f == "blobs and pegs").unwrap();
     let scene = random_side_scene(blobs, 38);
     let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
     let out = fem::run::run(&plan, &scene.drive(&plan, 4), &Settings::default(), None, &mut |_| {});
     assert!(out.is_solved(), "{:?}", out.errors);
-    let again: Vec<bool> = out.frames.iter().map(|f| f.islands.iter().all(|i| i.gone_again)).collect();
-    assert_eq!(again, [false, false, false, true]);
+    let wrong: Vec<usize> = out.frames.iter().map(|f| f.count(|i| i.wrong_ways)).collect();
+    assert_eq!(wrong, [0, 0, 0, 1]);
     // From the frame before it ends where collision detection alone does, to the bit, and it is told.
     let [.., before, end] = &out.frames[..] else { panic!("four frames") };
     let strict = Settings { way: Way::Strict, ..Settings::default() };
@@ -180,13 +180,18 @@ fn a_guess_that_leads_through_is_dropped() {
         assert!(advanced.errors.is_empty(), "{:?}", advanced.errors);
         advanced.frame
     };
+    let plain = led_by(&[]);
+    assert!(plain.islands.iter().all(|island| island.soft_ways > 0 && island.wrong_ways == 0));
     // The ends go down by 23.6 mm, the middle on to below the cylinder, whose lowest line is at -26 mm.
-    let below = |p: &[f64; 3]| Some([0.0, 0.0, -23.6e-3 - 7e-3 * (1.0 - (p[0] / 0.02).powi(2))]);
-    let way: Vec<_> = plan.mesh.points.iter().map(below).collect();
-    let (plain, led) = (led_by(&[]), led_by(&way));
-    assert!(plain.islands.iter().all(|island| island.soft_ways > 0 && !island.gone_again));
-    assert_eq!(plain.x, led.x);
-    assert!(led.islands.iter().all(|island| island.crossed_pairs == 0 && !island.gone_again));
+    let thrown_away = [4.2e-3, 4.4e-3, 4.6e-3, 4.8e-3].map(|deeper| {
+        let below = |p: &[f64; 3]| Some([0.0, 0.0, -23.6e-3 - deeper * (1.0 - (p[0] / 0.02).powi(2))]);
+        let led = led_by(&plan.mesh.points.iter().map(below).collect::<Vec<_>>());
+        assert!(plain.x == led.x, "{deeper} m");
+        assert!(led.islands.iter().all(|island| island.crossed_pairs == 0));
+        led.count(|island| island.wrong_ways)
+    });
+    // Some do not settle in softened contact; those that do are told by their sides.
+    assert!(thrown_away.iter().sum::<usize>() > 1, "{thrown_away:?}");
 }
 
 /// Two rods that the drive sends through each other, with a strap between them: the frame may be in equilibrium, but it is no good one.

@@ -2,7 +2,7 @@
 
 use crate::explicit::{Dynamics, Moving, Relaxation};
 use crate::measure::{Sides, Snapshot, prescribed_overlaps};
-use crate::plan::{ContactPlan, Load, LoadedIsland, Plan};
+use crate::plan::{ContactPlan, Island, Load, LoadedIsland, Plan, Watch};
 use crate::solve::{
     Admissible, Advance, Iteration, Loading, Method, Settings, SolveError, Solver, Stability, Way,
 };
@@ -259,7 +259,7 @@ impl<'a> Session<'a> {
         let mut solvers = std::mem::take(&mut self.solvers);
         let mut solved = self.solve(to, way, &mut solvers);
         self.solvers = solvers;
-        let refused = self.keep_sides(to, !way.is_empty(), &mut solved);
+        let refused = self.look_at_sides(to, &mut solved);
         let velocities: Vec<Vec<f64>> = solved.iter_mut().map(|s| std::mem::take(&mut s.v)).collect();
         let (mut islands, mut errors, mut iterations) = (Vec::new(), Vec::new(), Vec::new());
         self.x = self.places(to, &solved);
@@ -317,6 +317,11 @@ impl<'a> Session<'a> {
                 }
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
+                let onlooker =
+                    self.sides.as_ref().map(|sides| Onlooker { sides, plan: self.plan, island, x, step });
+                if let Some(onlooker) = &onlooker {
+                    potential = potential.watched_by(onlooker);
+                }
                 if !way.is_empty() && self.settings.way == Way::Guided {
                     let own: Vec<_> = island.nodes.iter().map(|&n| way[n as usize]).collect();
                     potential = potential.led_by(&own, &free);
@@ -380,40 +385,55 @@ impl<'a> Session<'a> {
             self.plan.prescribe_idle(&to.load, &mut x);
         }
         for (island, Solved { local, .. }) in self.plan.islands.iter().zip(solved) {
-            for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
-                x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
-            }
+            scatter(island, local, &mut x);
         }
         x
     }
 
-    /// Looks whether bodies have gone through each other. Where softened contact may have led them there the frame is gone again, without
-    /// the guess where there `was_guess`, then by collision detection alone; in the cheap mode, which has none, it is refused.
-    fn keep_sides(&self, to: &DriveFrame, was_guess: bool, solved: &mut Vec<Solved>) -> Option<SolveError> {
+    /// Looks whether bodies have gone through each other on the straight way from frame to frame. In the cheap mode, where nothing else
+    /// keeps them from it, the frame is refused then; in guarded contact they have gone round each other.
+    fn look_at_sides(&self, to: &DriveFrame, solved: &mut [Solved]) -> Option<SolveError> {
         let sides = self.sides.as_ref().filter(|_| solved.iter().all(|s| s.result.is_ok()))?;
-        let was_led = |s: &Solved| s.result.as_ref().is_ok_and(|advance| advance.soft_ways > 0);
-        let mut crossed = sides.changed(&self.x, &self.places(to, solved));
-        let ways = [was_guess.then_some(self.settings.way), Some(Way::Strict)];
-        for way in ways.into_iter().flatten() {
-            let is_solved = solved.iter().all(|s| s.result.is_ok());
-            if is_solved && (crossed.is_empty() || !solved.iter().any(was_led)) {
-                break;
-            }
-            tracing::info!(step = self.step, ?crossed, ?way, "softened contact leads through; gone again");
-            let settings = Settings { way, ..self.settings };
-            let mut solvers: Vec<Solver> =
-                self.plan.islands.iter().map(|i| Solver::new(&i.name, settings)).collect();
-            *solved = self.solve(to, &[], &mut solvers);
-            let advances = solved.iter_mut().flat_map(|s| &mut s.result);
-            advances.for_each(|advance| advance.gone_again = way == Way::Strict);
-            crossed = sides.changed(&self.x, &self.places(to, solved));
-        }
+        let pairs = sides.changed(&self.x, &self.places(to, solved));
         if let Some(Ok(first)) = solved.first_mut().map(|s| &mut s.result) {
-            first.crossed_pairs = crossed.len();
+            first.crossed_pairs = pairs.len();
         }
         let is_cheap = self.plan.contact().is_some_and(ContactPlan::is_cheap);
-        (is_cheap && !crossed.is_empty())
-            .then_some(SolveError::WentThrough { step: self.step, pairs: crossed })
+        (is_cheap && !pairs.is_empty()).then_some(SolveError::WentThrough { step: self.step, pairs })
+    }
+}
+
+/// A look at the sides of all bodies while one island moves.
+struct Onlooker<'a> {
+    sides: &'a Sides,
+    plan: &'a Plan,
+    island: &'a Island,
+    /// Positions \[m\] of all nodes before.
+    x: &'a [f64],
+    step: usize,
+}
+
+impl Watch for Onlooker<'_> {
+    fn places(&self, load: &Load, local: &[f64]) -> Vec<f64> {
+        let mut x = self.x.to_vec();
+        self.plan.prescribe_idle(load, &mut x);
+        scatter(self.island, local, &mut x);
+        x
+    }
+
+    fn keeps_sides(&self, from: &[f64], to: &[f64]) -> bool {
+        let pairs = self.sides.changed(from, to);
+        if !pairs.is_empty() {
+            tracing::info!(island = %self.island.name, step = self.step, ?pairs, "softened contact leads through");
+        }
+        pairs.is_empty()
+    }
+}
+
+/// Writes positions \[m\] of the nodes of an island to those of all nodes.
+fn scatter(island: &Island, local: &[f64], x: &mut [f64]) {
+    for (&n, p) in island.nodes.iter().zip(local.chunks_exact(3)) {
+        x[3 * n as usize..3 * n as usize + 3].copy_from_slice(p);
     }
 }
 

@@ -51,10 +51,12 @@ pub struct StepForces {
 pub struct KeptSides {
     /// Pairs of bodies that may meet.
     pub pairs: usize,
-    /// Pairs of which one went through the other by that look, all frames together.
+    /// Guesses of softened contact that were taken: none leads anybody through anybody by that look.
+    pub guesses: usize,
+    /// Guesses that did, and were thrown away.
+    pub wrong_guesses: usize,
+    /// Pairs of which one has come to the other side of the other, all frames together: it has gone round it.
     pub crossed_pairs: usize,
-    /// Frames in which softened contact led through, and which collision detection alone went again.
-    pub frames_gone_again: usize,
     /// Pairs whose prescribed faces, which nothing can keep apart, intersect in a solved frame and not in the mesh.
     pub prescribed_overlaps: BTreeSet<[String; 2]>,
     /// Distance \[mm\] at which surfaces press in the last frame, its mean weighted with the forces: they press as if they were thicker by
@@ -69,9 +71,10 @@ impl KeptSides {
         let force = |p: &PairForce| nalgebra::Vector3::from(p.wrench.force).norm();
         let (sum, all) =
             pressed.iter().fold((0.0, 0.0), |(sum, all), p| (sum + force(p) * p.standoff, all + force(p)));
-        let went_again = |f: &&Frame| f.islands.iter().any(|i| i.gone_again);
         Some(KeptSides {
             pairs: contact.pairs.iter().filter(|[a, b]| a != b).count(),
+            guesses: run.count(|i| i.soft_ways),
+            wrong_guesses: run.count(|i| i.wrong_ways),
             crossed_pairs: run.count(|i| i.crossed_pairs),
             prescribed_overlaps: run
                 .frames
@@ -79,7 +82,6 @@ impl KeptSides {
                 .flat_map(|f| &f.prescribed_overlaps)
                 .map(|(pair, _)| pair.clone())
                 .collect(),
-            frames_gone_again: run.frames.iter().filter(went_again).count(),
             standoff_mm: if all > 0.0 { 1e3 * sum / all } else { 0.0 },
         })
     }

@@ -18,8 +18,17 @@ use std::sync::Arc;
 /// Groups some nodes of which follow others whose stiffness is held at once: 6 MB of segments between two cubes of a grid.
 const TIED_AT_ONCE: usize = 256;
 
+/// Looks whether bodies go through each other; sees more than one island.
+pub trait Watch: Sync {
+    /// Places \[m\] of all nodes that it looks at where the local nodes of the island are at `x` \[m\] under a load.
+    fn places(&self, load: &Load, x: &[f64]) -> Vec<f64>;
+
+    /// Whether nobody goes through anybody on the straight way between two such places.
+    fn keeps_sides(&self, from: &[f64], to: &[f64]) -> bool;
+}
+
 /// An island under a load: what the solver minimizes.
-pub struct LoadedIsland {
+pub struct LoadedIsland<'a> {
     island: Arc<Island>,
     start: Load,
     end: Load,
@@ -32,31 +41,39 @@ pub struct LoadedIsland {
     terms: Vec<Box<dyn IslandTerm>>,
     /// Where a guess has the free nodes at the end \[m\], `None` where it knows nothing; empty where there is no guess.
     guess: Vec<Option<[f64; 3]>>,
+    /// Who looks at the sides of bodies, if anybody does.
+    watch: Option<&'a dyn Watch>,
 }
 
 /// Overwrites the stiffness \[N/m\] of one group of an effect.
 type StiffnessOf<'a> = dyn Fn(&dyn Effect, usize, &mut [f64]) + Sync + 'a;
 
-impl LoadedIsland {
+impl<'a> LoadedIsland<'a> {
     /// The island on its way from `start` to `end`.
-    pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland {
+    pub fn new(island: Arc<Island>, start: Load, end: Load) -> LoadedIsland<'a> {
         let mut x = island.X.clone();
         island.prescribe(&start, &mut x);
         let load = start.clone();
         let anchor = if island.effects.iter().all(|e| e.has_potential()) { Vec::new() } else { x.clone() };
         let terms = island.terms();
-        LoadedIsland { island, load, start, end, x, anchor, terms, guess: Vec::new() }
+        LoadedIsland { island, load, start, end, x, anchor, terms, guess: Vec::new(), watch: None }
     }
 
     /// The same with one more term.
-    pub fn with(mut self, term: Box<dyn IslandTerm>) -> LoadedIsland {
+    pub fn with(mut self, term: Box<dyn IslandTerm>) -> LoadedIsland<'a> {
         self.terms.push(term);
+        self
+    }
+
+    /// The same with somebody who looks at the sides of bodies.
+    pub fn watched_by(mut self, watch: &'a dyn Watch) -> LoadedIsland<'a> {
+        self.watch = Some(watch);
         self
     }
 
     /// The same with a guess of where the way leads: displacements \[m\] of the local nodes, `None` where nothing is known; `x` are the
     /// positions \[m\] of the free nodes at the start.
-    pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland {
+    pub fn led_by(mut self, way: &[Option<[f64; 3]>], x: &[f64]) -> LoadedIsland<'a> {
         let is_known = self.island.free_nodes.iter().any(|&n| way[n as usize].is_some());
         if !is_known {
             return self;
@@ -172,7 +189,7 @@ impl LoadedIsland {
     }
 }
 
-impl Potential for LoadedIsland {
+impl Potential for LoadedIsland<'_> {
     fn pattern(&self) -> &Arc<Pattern> {
         &self.island.pattern
     }
@@ -396,7 +413,7 @@ impl Potential for LoadedIsland {
     }
 }
 
-impl Admissible for LoadedIsland {
+impl Admissible for LoadedIsland<'_> {
     fn least_det_f(&self, x: &[f64]) -> (f64, String) {
         let x = self.expand(x);
         let s = State { x: &x, controls: &self.load.controls };
@@ -435,7 +452,7 @@ impl Admissible for LoadedIsland {
     }
 }
 
-impl LoadedIsland {
+impl LoadedIsland<'_> {
     fn predictor(&self) -> Option<&KinematicPredictor> {
         let island = &self.island;
         let acted_on = || island.effects.iter().flat_map(|e| e.nodes()).copied();
@@ -452,7 +469,7 @@ impl LoadedIsland {
     }
 }
 
-impl Loading for LoadedIsland {
+impl Loading for LoadedIsland<'_> {
     fn set_load(&mut self, t: f64, x: &mut [f64]) {
         self.load = self.load_at(t);
         self.terms.iter_mut().for_each(|term| term.set_load(t));
@@ -531,6 +548,14 @@ impl Loading for LoadedIsland {
         }
         self.island.take_free(&places, x);
         true
+    }
+
+    fn sides(&self, x: &[f64]) -> Vec<f64> {
+        self.watch.map_or(Vec::new(), |watch| watch.places(&self.load, &self.expand(x)))
+    }
+
+    fn keeps_sides(&self, from: &[f64], x: &[f64]) -> bool {
+        self.watch.is_none_or(|watch| watch.keeps_sides(from, &self.sides(x)))
     }
 
     fn predict(&mut self, t: f64, x: &mut [f64]) {

@@ -32,7 +32,7 @@ pub use inertia::Inertia;
 pub use island::Island;
 pub(crate) use load::on_supports;
 pub use load::{Load, Mean, Motion};
-pub use loaded::LoadedIsland;
+pub use loaded::{LoadedIsland, Watch};
 pub use slide::Slide;
 pub use solids::Weights;
 pub use term::{Builder, Names, OwnTerms, Term};

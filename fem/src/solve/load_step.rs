@@ -55,8 +55,10 @@ impl Run<'_> {
         self.met_indefinite = false;
         self.may_approach = false;
         self.tolerance = self.settings.tolerance;
-        let is_guided = self.settings.way == Way::Guided;
-        let softly = if is_guided { self.predict_softened(potential, x, t, target) } else { None };
+        let softly = match self.settings.way {
+            Way::Guided => self.predict_softened(potential, x, t, target),
+            Way::Strict => None,
+        };
         let reached = match softly {
             Some(reached) => {
                 // Near a guess the true Hessian is hardly ever definite; whether it is counts only where stability does.
@@ -67,7 +69,7 @@ impl Run<'_> {
             }
             None => {
                 let reached = self.predict_guarded(potential, x, t, target)?;
-                self.may_approach = is_guided;
+                self.may_approach = self.settings.way == Way::Guided;
                 reached
             }
         };
@@ -116,8 +118,13 @@ impl Run<'_> {
     /// Takes `x` towards the equilibrium at the load `load` by way of softened contact; returns whether that led to a better place
     /// where nothing overlaps, and otherwise leaves `x`.
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
-        let (start, before) = (x.to_vec(), potential.energy(x));
-        let better = self.equilibrate_softly(potential, x, load, &SCHEDULE) && potential.energy(x) < before;
+        let (start, before, sides) = (x.to_vec(), potential.energy(x), potential.sides(x));
+        let mut better =
+            self.equilibrate_softly(potential, x, load, &SCHEDULE) && potential.energy(x) < before;
+        if better && !potential.keeps_sides(&sides, x) {
+            self.report.wrong_ways += 1;
+            better = false;
+        }
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
         match better {
             true => self.report.soft_ways += 1,
@@ -162,7 +169,8 @@ impl Run<'_> {
 
     /// Moves the load towards `target` through whatever the free nodes touch, see [`go_softly`](Self::go_softly), and
     /// half as far where that fails; returns the load reached, and otherwise leaves `x` and the load `t`.
-    /// Where nothing touches or folds on the way there is nothing to gain by it.
+    /// Where nothing touches or folds on the way there is nothing to gain by it. Where it leads a body through another, collision detection
+    /// alone goes from here to the end of the frame.
     fn predict_softened(
         &mut self,
         potential: &mut dyn Loading,
@@ -175,7 +183,7 @@ impl Run<'_> {
             return None;
         }
         let piece = (target - t) / n as f64;
-        let start = x.to_vec();
+        let (start, sides) = (x.to_vec(), potential.sides(x));
         let mut until = target;
         let outcome = loop {
             if !potential.soften(SCHEDULE[0]) {
@@ -183,16 +191,22 @@ impl Run<'_> {
             }
             let outcome = self.go_softly(potential, x, t, until, piece);
             tracing::debug!(island = %self.name, step = self.step, from = t, to = until, n, ?outcome, "carried along softly");
-            if let Soft::Apart(reached) = outcome {
+            let leads_through = matches!(outcome, Soft::Apart(_)) && !potential.keeps_sides(&sides, x);
+            if let (Soft::Apart(reached), false) = (&outcome, leads_through) {
                 self.report.soft_ways += 1;
-                break Some(reached);
+                break Some(*reached);
             }
             x.copy_from_slice(&start);
             potential.soften(0.0);
             potential.set_load(t, x);
-            let Soft::Failed(reached) = outcome else { break None };
+            self.report.wrong_ways += usize::from(leads_through);
+            let (Soft::Apart(reached) | Soft::Failed(reached)) = outcome else { break None };
             if potential.forget_guess() {
                 return self.predict_softened(potential, x, t, target);
+            }
+            if leads_through {
+                self.settings.way = Way::Strict;
+                break None;
             }
             // Up to where it failed it would go the same way again.
             until = (t + (until - t) / 2.0).min(reached);

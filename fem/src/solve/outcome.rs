@@ -17,10 +17,11 @@ pub struct Advance {
     pub loose_steps: usize,
     /// Ways that softened contact showed and that were taken.
     pub soft_ways: usize,
-    /// Whether softened contact led to another side of a body, so that the frame was gone again by collision detection alone.
-    pub gone_again: bool,
+    /// Ways that softened contact showed and that were not taken, because they led through a body.
+    pub wrong_ways: usize,
     /// Pairs of bodies of which one went through the other, by lines through them that go straight from frame to frame
-    /// ([`Sides`](crate::measure::Sides)); counted at one island for all.
+    /// ([`Sides`](crate::measure::Sides)); counted at one island for all. In guarded contact, all of whose guesses are looked at, it has gone
+    /// round it in between.
     pub crossed_pairs: usize,
     /// Linear systems solved, for Newton's method and predictions: what [`Settings::max_work`](super::Settings::max_work) bounds.
     pub work: usize,

@@ -157,6 +157,17 @@ pub trait Loading: Potential + Admissible {
         true
     }
 
+    /// Places \[m\] by which [`keeps_sides`](Loading::keeps_sides) tells who is on which side of whom, at `x` and the present load.
+    fn sides(&self, _x: &[f64]) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Whether nobody goes through anybody on the straight way from the places `from` ([`sides`](Loading::sides)) to those at `x` and the
+    /// present load.
+    fn keeps_sides(&self, _from: &[f64], _x: &[f64]) -> bool {
+        true
+    }
+
     /// Sets the load at `t` and moves the free nodes `x`, which belong to the present load, along as a guess.
     fn predict(&mut self, t: f64, x: &mut [f64]) {
         self.set_load(t, x);

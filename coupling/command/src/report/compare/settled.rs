@@ -60,17 +60,16 @@ impl fmt::Display for Settled {
             1 => write!(f, " (1 load step on the way to 5 % only)")?,
             n => write!(f, " ({n} load steps on the way to 5 % only)")?,
         }
-        let Some(KeptSides { pairs, crossed_pairs, frames_gone_again, prescribed_overlaps, standoff_mm }) =
-            sides
-        else {
-            return Ok(());
-        };
+        let Some(sides) = sides else { return Ok(()) };
+        let KeptSides { pairs, guesses, wrong_guesses, crossed_pairs, prescribed_overlaps, standoff_mm } =
+            sides;
         match crossed_pairs {
             0 => write!(f, "; none of {pairs} pairs has changed sides")?,
-            n => write!(f, "; {n} of {pairs} pairs seem to have changed sides")?,
+            n => write!(f, "; {n} of {pairs} pairs have gone round each other, and none through")?,
         }
-        if *frames_gone_again > 0 {
-            write!(f, ", {frames_gone_again} frames gone again by collision detection alone")?;
+        if *wrong_guesses > 0 {
+            let all = guesses + wrong_guesses;
+            write!(f, "; {wrong_guesses} of {all} guesses led through a body and were thrown away")?;
         }
         for [a, b] in prescribed_overlaps {
             write!(f, "; {a} and {b} overlap where their places are prescribed")?;
