@@ -48,7 +48,11 @@ fn a_linear_field_is_held_whatever_the_grid() {
 }
 
 /// An island of a distorted box, half of it held at random nodes, in a grid that fits it nowhere; its unknowns are moved at random.
-fn island(law: LawSpec, formulation: Option<FormulationSpec>, cell: f64) -> (LoadedIsland<'static>, Vec<f64>) {
+fn island(
+    law: LawSpec,
+    formulation: Option<FormulationSpec>,
+    cell: f64,
+) -> (LoadedIsland<'static>, Vec<f64>) {
     let mut mesh = distorted_box(4);
     let mut random = Random::new(3);
     let some = (0..mesh.points.len() as u32).filter(|_| random.chance(0.3)).collect();

@@ -9,7 +9,9 @@ use fem::scene::ContactMode;
 use fem::solve::{Settings, SolveError, Way};
 use nalgebra::Vector3;
 use support::contact_scenes::intersections;
-use support::side_scenes::{FAMILIES, Variant, pressed_block, random_side_scene, strap_over_cylinder};
+use support::side_scenes::{
+    FAMILIES, Variant, pressed_block, random_side_scene, strap_over_cylinder, two_straps_over_cylinder,
+};
 
 /// The thigh of some muscles, with contact among them and with the bones.
 fn thigh(muscles: &[&str]) -> Plan {
@@ -168,6 +170,18 @@ fn a_guess_that_changes_sides_is_thrown_away() {
     assert_eq!(end.islands.iter().map(|i| i.crossed_pairs).sum::<usize>(), 1);
 }
 
+/// Two straps that may not touch lie over a cylinder that comes up under both: each sees it come up through where the other was.
+#[test]
+fn what_one_island_does_is_no_business_of_another() {
+    let scene = two_straps_over_cylinder(20e-3, 2.0);
+    let plan = Plan::new(&scene.scene, scene.mesh.clone()).unwrap();
+    assert_eq!(plan.islands.iter().filter(|island| !island.free_positions(&island.X).is_empty()).count(), 2);
+    let out = fem::run::run(&plan, &scene.drive(&plan, 1), &Settings::default(), None, &mut |_| {});
+    assert!(out.is_solved(), "{:?}", out.errors);
+    assert!(out.count(|i| i.soft_ways) > 1);
+    assert_eq!((out.count(|i| i.wrong_ways), out.count(|i| i.crossed_pairs)), (0, 0));
+}
+
 /// A guess below the cylinder, for a strap that comes from above, is dropped: the frame ends where it does without, to the bit.
 #[test]
 fn a_guess_that_leads_through_is_dropped() {
@@ -191,7 +205,7 @@ fn a_guess_that_leads_through_is_dropped() {
         led.count(|island| island.wrong_ways)
     });
     // Some do not settle in softened contact; those that do are told by their sides.
-    assert!(thrown_away.iter().sum::<usize>() > 1, "{thrown_away:?}");
+    assert!(thrown_away.iter().sum::<usize>() > 0, "{thrown_away:?}");
 }
 
 /// Two rods that the drive sends through each other, with a strap between them: the frame may be in equilibrium, but it is no good one.

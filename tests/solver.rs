@@ -609,6 +609,8 @@ struct Ledge {
     jumps: bool,
     /// Where the load ends is guessed.
     guessed: bool,
+    /// Whoever looks says that the softened way leads through somebody.
+    leads_through: bool,
     softness: f64,
     /// Where softening began, one after the other, and how often overlaps were parted.
     schedule: Vec<f64>,
@@ -619,7 +621,16 @@ impl Ledge {
     fn new(jumps: bool, guessed: bool) -> Ledge {
         let pull = |p: &[f64; 3]| [0.0, 0.0, 0.25 * p[2]];
         let lattice = Lattice::new([3, 3, 3], |p| p[2] == 0.0 || p[2] == 2.0, |_| false, pull);
-        Ledge { lattice, jumps, guessed, softness: 0.0, schedule: Vec::new(), parted: AtomicUsize::new(0) }
+        let (softness, leads_through) = (0.0, false);
+        Ledge {
+            lattice,
+            jumps,
+            guessed,
+            leads_through,
+            softness,
+            schedule: Vec::new(),
+            parted: AtomicUsize::new(0),
+        }
     }
 
     /// Energy by which it jumps \[J\], and how far from the start \[m\].
@@ -692,6 +703,11 @@ impl Loading for Ledge {
         self.parted.fetch_add(1, Ordering::Relaxed);
         true
     }
+
+    fn keeps_sides(&self, _from: &[f64], _x: &[f64]) -> bool {
+        assert_eq!(self.softness, 0.0, "with contact as it is");
+        !self.leads_through
+    }
 }
 
 /// A guess is near equilibrium with hard contact: the softest stage, which others begin with, is left out.
@@ -708,6 +724,19 @@ fn a_guess_begins_with_hard_contact() {
     let [look, softest, harder @ ..] = &plain[..] else { panic!("softened below {plain:?}") };
     assert_eq!((look, harder.is_empty()), (softest, false), "softened below {plain:?}");
     assert_eq!((&led[0], &led[1..]), (look, harder), "softened below {led:?}");
+}
+
+/// A softened way that leads through somebody is looked at once, and nothing is softened after it.
+#[test]
+fn a_softened_way_that_leads_through_is_the_last_one() {
+    let mut ledge = Ledge { leads_through: true, ..Ledge::new(false, false) };
+    let mut x = ledge.lattice.start();
+    let advance =
+        Solver::new("ledge", Settings::default()).advance(&mut ledge, &mut x, 0, &mut Vec::new()).unwrap();
+    assert!(residual(&ledge.lattice, &x) <= 1e-6 * ledge.lattice.force_scale(&x));
+    assert_eq!((advance.soft_ways, advance.wrong_ways), (0, 1));
+    assert!(advance.load_steps > 1, "collision detection cuts the way");
+    assert_eq!(ledge.parted.into_inner(), 1, "softened below {:?}", ledge.schedule);
 }
 
 /// Where softened contact does not settle, collision detection alone goes the first piece of the way; from there it is tried again.

@@ -317,8 +317,10 @@ impl<'a> Session<'a> {
                 }
                 let mut free = island.free_positions(&local);
                 let mut potential = LoadedIsland::new(island.clone(), from.clone(), to.load.clone());
-                let onlooker =
-                    self.sides.as_ref().map(|sides| Onlooker { sides, plan: self.plan, island, x, step });
+                let onlooker = self.sides.as_ref().and_then(|sides| {
+                    let pairs = sides.pairs_of(self.plan, &island.nodes);
+                    (!pairs.is_empty()).then_some(Onlooker { sides, pairs, plan: self.plan, island, x, step })
+                });
                 if let Some(onlooker) = &onlooker {
                     potential = potential.watched_by(onlooker);
                 }
@@ -391,7 +393,7 @@ impl<'a> Session<'a> {
     }
 
     /// Looks whether bodies have gone through each other on the straight way from frame to frame. In the cheap mode, where nothing else
-    /// keeps them from it, the frame is refused then; in guarded contact they have gone round each other.
+    /// keeps them from it, the frame is refused then; in guarded contact no guess that was taken led them through.
     fn look_at_sides(&self, to: &DriveFrame, solved: &mut [Solved]) -> Option<SolveError> {
         let sides = self.sides.as_ref().filter(|_| solved.iter().all(|s| s.result.is_ok()))?;
         let pairs = sides.changed(&self.x, &self.places(to, solved));
@@ -403,9 +405,10 @@ impl<'a> Session<'a> {
     }
 }
 
-/// A look at the sides of all bodies while one island moves.
+/// A look at who is on which side of what one island moves.
 struct Onlooker<'a> {
     sides: &'a Sides,
+    pairs: Vec<[usize; 2]>,
     plan: &'a Plan,
     island: &'a Island,
     /// Positions \[m\] of all nodes before.
@@ -416,13 +419,15 @@ struct Onlooker<'a> {
 impl Watch for Onlooker<'_> {
     fn places(&self, load: &Load, local: &[f64]) -> Vec<f64> {
         let mut x = self.x.to_vec();
-        self.plan.prescribe_idle(load, &mut x);
+        // What is prescribed may belong to another island, or to none.
+        let nodes = self.plan.motion.iter().zip(&self.plan.mesh.points).zip(x.as_chunks_mut::<3>().0);
+        nodes.for_each(|((motion, rest), x)| load.prescribe(motion, rest, x));
         scatter(self.island, local, &mut x);
         x
     }
 
     fn keeps_sides(&self, from: &[f64], to: &[f64]) -> bool {
-        let pairs = self.sides.changed(from, to);
+        let pairs = self.sides.changed_of(&self.pairs, from, to);
         if !pairs.is_empty() {
             tracing::info!(island = %self.island.name, step = self.step, ?pairs, "softened contact leads through");
         }

@@ -169,6 +169,24 @@ pub fn strap_over_cylinder(depth: f64, step: f64, variant: Variant) -> SideScene
     s
 }
 
+/// Two such straps side by side that take no notice of each other; the cylinder comes up in the second frame.
+pub fn two_straps_over_cylinder(depth: f64, step: f64) -> SideScene {
+    let mut s = SideScene::empty("two straps over a cylinder".into(), 0.3e-3);
+    let cylinder = rod(3e-3, 0.03, [0.0, 0.0, -depth - 3e-3], Vector3::y(), 10);
+    s.rigid("cylinder", cylinder, "cylinder");
+    for (name, y) in [("near", -6e-3), ("far", 6e-3)] {
+        s.soft(name, brick([16, 2, 2], [-0.02, y - 4e-3, 0.0], [0.02, y + 4e-3, 2e-3]));
+        s.tie(&format!("{name}_x_min"), "ends");
+        s.tie(&format!("{name}_x_max"), "ends");
+    }
+    let straps = ["near_block".to_string(), "far_block".to_string()];
+    s.scene.contact.as_mut().expect("with contact").excluded.push(straps);
+    let down = ("ends", shift(0.0, 0.0, 0.4e-3 - depth));
+    s.frame(&[down, ("cylinder", shift(0.0, 0.0, 0.0))]);
+    s.frame(&[down, ("cylinder", shift(0.0, 0.0, step * 2e-3))]);
+    s
+}
+
 /// Depths \[m\] and steps \[thicknesses\] of the variants of [`strap_over_cylinder`].
 pub const DEPTHS: [f64; 5] = [2e-3, 5e-3, 10e-3, 20e-3, 40e-3];
 /// See [`DEPTHS`].

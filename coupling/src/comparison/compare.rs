@@ -55,7 +55,8 @@ pub struct KeptSides {
     pub guesses: usize,
     /// Guesses that did, and were thrown away.
     pub wrong_guesses: usize,
-    /// Pairs of which one has come to the other side of the other, all frames together: it has gone round it.
+    /// Pairs that cross on the straight way from frame to frame, all frames together. None crosses in a guess that was taken, so one has gone round
+    /// the other in guarded contact, as far as lines and sheets can tell.
     pub crossed_pairs: usize,
     /// Pairs whose prescribed faces, which nothing can keep apart, intersect in a solved frame and not in the mesh.
     pub prescribed_overlaps: BTreeSet<[String; 2]>,

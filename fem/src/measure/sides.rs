@@ -65,8 +65,24 @@ impl Sides {
         self.pairs.len()
     }
 
+    /// The pairs of which some of the nodes of one island can move.
+    pub fn pairs_of(&self, plan: &Plan, nodes: &[u32]) -> Vec<[usize; 2]> {
+        let is_free = |n: &u32| plan.motion[*n as usize].iter().any(Motion::is_unknown);
+        let mine: BTreeSet<u32> = nodes.iter().copied().filter(is_free).collect();
+        let moves = |body: usize| {
+            let Stand { lines, sheet, .. } = &self.bodies[body];
+            lines.iter().flatten().chain(sheet.iter().flat_map(|s| &s.nodes)).any(|n| mine.contains(n))
+        };
+        self.pairs.iter().copied().filter(|&[a, b]| moves(a) || moves(b)).collect()
+    }
+
     /// Pairs of which one has gone through the other on the straight way from `from` to `to`, positions \[m\] of all nodes.
     pub fn changed(&self, from: &[f64], to: &[f64]) -> Vec<[String; 2]> {
+        self.changed_of(&self.pairs, from, to)
+    }
+
+    /// The same of some [pairs](Self::pairs_of).
+    pub fn changed_of(&self, pairs: &[[usize; 2]], from: &[f64], to: &[f64]) -> Vec<[String; 2]> {
         let place = |x: &[f64], n: &u32| Vector3::from_column_slice(&x[3 * *n as usize..3 * *n as usize + 3]);
         let ways = |nodes: &[u32]| [from, to].map(|x| nodes.iter().map(|n| place(x, n)).collect::<Vec<_>>());
         let through = |a: &Stand, b: &Stand| {
@@ -88,7 +104,7 @@ impl Sides {
             });
             cross || through(a, b) || through(b, a)
         };
-        let changed: Vec<&[usize; 2]> = self.pairs.par_iter().filter(has_changed).collect();
+        let changed: Vec<&[usize; 2]> = pairs.par_iter().filter(has_changed).collect();
         changed.into_iter().map(|pair| pair.map(|s| self.bodies[s].name.clone())).collect()
     }
 }

@@ -116,13 +116,15 @@ impl Run<'_> {
     }
 
     /// Takes `x` towards the equilibrium at the load `load` by way of softened contact; returns whether that led to a better place
-    /// where nothing overlaps, and otherwise leaves `x`.
+    /// where nothing overlaps, and otherwise leaves `x`. Where it led a body through another, collision detection alone goes on to the end of
+    /// the frame.
     pub(super) fn approach(&mut self, potential: &mut dyn Loading, x: &mut [f64], load: f64) -> bool {
-        let (start, before, sides) = (x.to_vec(), potential.energy(x), potential.sides(x));
+        let (start, before) = (x.to_vec(), potential.energy(x));
         let mut better =
             self.equilibrate_softly(potential, x, load, &SCHEDULE) && potential.energy(x) < before;
-        if better && !potential.keeps_sides(&sides, x) {
+        if better && !potential.keeps_sides(&potential.sides(&start), x) {
             self.report.wrong_ways += 1;
+            self.settings.way = Way::Strict;
             better = false;
         }
         tracing::debug!(island = %self.name, step = self.step, load, better, "approached through softened contact");
@@ -179,32 +181,29 @@ impl Run<'_> {
         target: f64,
     ) -> Option<f64> {
         let n = potential.n_pieces(target);
-        if n == 0 {
+        if n == 0 || !potential.soften(SCHEDULE[0]) {
             return None;
         }
         let piece = (target - t) / n as f64;
         let (start, sides) = (x.to_vec(), potential.sides(x));
         let mut until = target;
         let outcome = loop {
-            if !potential.soften(SCHEDULE[0]) {
-                break None;
-            }
             let outcome = self.go_softly(potential, x, t, until, piece);
             tracing::debug!(island = %self.name, step = self.step, from = t, to = until, n, ?outcome, "carried along softly");
-            let leads_through = matches!(outcome, Soft::Apart(_)) && !potential.keeps_sides(&sides, x);
-            if let (Soft::Apart(reached), false) = (&outcome, leads_through) {
+            let keeps_sides = !matches!(outcome, Soft::Apart(_)) || potential.keeps_sides(&sides, x);
+            if let (Soft::Apart(reached), true) = (&outcome, keeps_sides) {
                 self.report.soft_ways += 1;
                 break Some(*reached);
             }
             x.copy_from_slice(&start);
             potential.soften(0.0);
             potential.set_load(t, x);
-            self.report.wrong_ways += usize::from(leads_through);
+            self.report.wrong_ways += usize::from(!keeps_sides);
             let (Soft::Apart(reached) | Soft::Failed(reached)) = outcome else { break None };
-            if potential.forget_guess() {
+            if potential.is_guessed(until) && potential.forget_guess() {
                 return self.predict_softened(potential, x, t, target);
             }
-            if leads_through {
+            if !keeps_sides {
                 self.settings.way = Way::Strict;
                 break None;
             }
@@ -213,6 +212,7 @@ impl Run<'_> {
             if until - t < piece {
                 break None;
             }
+            potential.soften(SCHEDULE[0]);
         };
         potential.soften(0.0);
         outcome

@@ -21,7 +21,7 @@ pub struct Advance {
     pub wrong_ways: usize,
     /// Pairs of bodies of which one went through the other, by lines through them that go straight from frame to frame
     /// ([`Sides`](crate::measure::Sides)); counted at one island for all. In guarded contact, all of whose guesses are looked at, it has gone
-    /// round it in between.
+    /// round it in between, as far as lines and sheets can tell.
     pub crossed_pairs: usize,
     /// Linear systems solved, for Newton's method and predictions: what [`Settings::max_work`](super::Settings::max_work) bounds.
     pub work: usize,

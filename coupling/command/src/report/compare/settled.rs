@@ -65,7 +65,10 @@ impl fmt::Display for Settled {
             sides;
         match crossed_pairs {
             0 => write!(f, "; none of {pairs} pairs has changed sides")?,
-            n => write!(f, "; {n} of {pairs} pairs have gone round each other, and none through")?,
+            n => write!(
+                f,
+                "; {n} of {pairs} pairs cross on the straight way from frame to frame, in no guess that was taken"
+            )?,
         }
         if *wrong_guesses > 0 {
             let all = guesses + wrong_guesses;
