@@ -534,6 +534,22 @@ fn a_coarser_mesh_shows_the_way_and_the_forces_stay() {
     }
 }
 
+#[test]
+fn coarser_meshes_that_were_wanted_and_led_nothing_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |from: f64| {
+        let scene = "muscles = [\"gluteus_minimus\", \"gluteus_medius\"]\nresolution_mm = 9.0\n[effects]\ncontact = \"cheap\"\n";
+        fs::write(folder.path().join("scene.toml"), format!("{scene}[solver]\nnested_from_mm = {from:.1}\n"))
+            .unwrap();
+        let arguments = ["compare", "scene.toml", "--contact", "with", "--out", "out", "--force"];
+        let output = sartorius(&arguments, folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        fs::read_to_string(folder.path().join("out/run.json")).unwrap().contains("led nothing here")
+    };
+    assert!(told(18.0), "wanted, and cheap contact is not led");
+    assert!(!told(9.0), "less than twice the edges: at once is what was asked for");
+}
+
 /// Files of a run that hold no times, by their path in its folder.
 fn timeless(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();

@@ -286,8 +286,13 @@ pub(super) fn carry_out(
     let mut notes = notes(&prepared, &comparison);
     let scene = &prepared.scene;
     let is_led = |c: Configuration| asked[c] && !scene.coarser(c).is_empty();
-    if scene.deformable && scene.nested_from.is_some() && !Configuration::ALL.into_iter().any(is_led) {
-        notes.push("solver.nested_from_mm led nothing here: coarser meshes show the way from twice the edges on, and not with cheap contact".into());
+    // Less than twice the edges is how a scene says that the mesh is solved at once.
+    let is_wanted = scene.deformable && scene.nested_from.is_some_and(|most| most >= 2.0 * scene.resolution);
+    if is_wanted && !Configuration::ALL.into_iter().any(is_led) {
+        notes.push(
+            "solver.nested_from_mm led nothing here: coarser meshes do not show the way with cheap contact"
+                .into(),
+        );
     }
     let mut unsettled = unsettled;
     if let Some(accuracy) = accuracy {
