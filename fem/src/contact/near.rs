@@ -14,11 +14,13 @@
 //!
 //! At a folded face outside and inside change places. But a signed distance changes by no more than what has moved since a softened way
 //! began, where nothing overlapped unless it began at the guess of a coarser mesh: where it seems to have changed by more, the point is
-//! outside. There alone the answer hangs on what was found before, and so a softened way begins without memory.
+//! outside. There alone the answer hangs on what was found before, and so a softened way begins without memory. What was known where Newton's
+//! method has arrived does not wear off with the trials of a step: after a long one, a short one would else find somebody inside who is not
+//! inside where it starts, and no step would be short enough for the energy to fall.
 
 use super::candidates::Primitives;
 use super::normals::Normals;
-use super::surface::Surface;
+use super::surface::{Surface, Surfaces};
 use super::{Contact, Mode};
 use crate::geometry::closest::{feature, point_triangle};
 use crate::geometry::tree::{Aabb, Tree};
@@ -66,6 +68,8 @@ pub(super) struct Memory {
     all: bool,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
+    /// The same where Newton's method has arrived; empty before it has.
+    arrived: Vec<Vector3<f64>>,
     /// What each collision point has seen: corners, and the others.
     corners: Vec<Vec<Seen>>,
     others: Vec<Vec<Seen>>,
@@ -79,6 +83,17 @@ struct Seen {
     nearest: Option<u32>,
     /// The signed distance is no less \[m\].
     at_least: f64,
+    /// Nor was it any less where Newton's method has arrived \[m\]: trials do not wear that off.
+    on_arrival: f64,
+}
+
+impl Memory {
+    /// Newton's method has arrived where the last search was.
+    fn arrive(&mut self) {
+        self.arrived.clone_from(&self.p);
+        let all = self.corners.par_iter_mut().chain(&mut self.others);
+        all.for_each(|seen| seen.iter_mut().for_each(|s| s.on_arrival = s.at_least));
+    }
 }
 
 impl Contact {
@@ -99,9 +114,11 @@ impl Contact {
         *self.held() = Memory::default();
     }
 
-    /// From now on, until [`release_normals`](Contact::release_normals), who faces whom is told by the normals with the nodes at `x` \[m\].
+    /// From now on, until [`release_normals`](Contact::release_normals), who faces whom is told by the normals with the nodes at `x` \[m\], where
+    /// Newton's method has arrived.
     pub fn hold_normals(&self, x: &[f64]) {
         let p = self.surfaces.positions(x);
+        self.held().arrive();
         self.tell_by(Some(Arc::new(self.normals(&p))));
     }
 
@@ -161,21 +178,18 @@ impl Contact {
             memory.others = p.iter().map(|_| Vec::new()).collect();
         }
         memory.all = every;
-        let moved: Vec<f64> = p.par_iter().zip(&memory.p).map(|(now, then)| (now - then).norm()).collect();
-        let way = |s: &Surface| {
-            s.samples.clone().map(|i| moved[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })
-        };
-        let ways: Vec<f64> = all.list.par_iter().map(way).collect();
+        let since_search = Moved::new(all, &memory.p, p);
+        let since_arrival = Moved::new(all, &memory.arrived, p);
         memory.p.copy_from_slice(p);
         let fitted = self.fitted(p);
         let boxes = fitted.iter().map(|f| f.whole().grown(view)).collect();
         let held_normals = self.held_normals.lock().expect("no thread panics while it holds them").clone();
         let normals = self.normals(p);
-        let search =
-            Search { contact: self, p, view, aside, moved, ways, normals, held_normals, fitted, boxes };
+        let moved = [since_search, since_arrival];
+        let search = Search { contact: self, p, view, aside, moved, normals, held_normals, fitted, boxes };
         // From corners it is worth to look a little farther, for the samples around.
         let farther = if every { all.edge_length } else { 0.0 };
-        let Memory { corners, others, .. } = memory;
+        let Memory { corners, others, arrived, .. } = memory;
         let of_corners = each(corners, |point, seen| match all.is_corner(point as u32) {
             true => search.from(point, least, farther, &[], seen),
             false => Vec::new(),
@@ -187,10 +201,13 @@ impl Contact {
             if all.is_corner(point as u32) {
                 return Vec::new();
             }
-            let way = |c: u32| (p[point] - p[c as usize]).norm();
-            let ways = all.corners_of[point].map(|c| (way(c), c));
-            let (way, corner) = ways.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("three corners");
-            let beside = |s: &Seen| Seen { at_least: s.at_least - way, ..*s };
+            let way = |p: &[Vector3<f64>], c: u32| (p[point] - p[c as usize]).norm();
+            let ways = all.corners_of[point].map(|c| (way(p, c), c));
+            let (way_now, corner) =
+                ways.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("three corners");
+            let way_then = if arrived.is_empty() { 0.0 } else { way(arrived, corner) };
+            let beside =
+                |s: &Seen| Seen { at_least: s.at_least - way_now, on_arrival: s.on_arrival - way_then, ..*s };
             let known: Vec<Seen> = corners[corner as usize].iter().map(beside).collect();
             search.from(point, least, 0.0, &known, seen)
         });
@@ -230,6 +247,34 @@ fn each(seen: &mut [Vec<Seen>], find: impl Fn(usize, &mut Vec<Seen>) -> Vec<Near
     seen.par_iter_mut().enumerate().with_min_len(64).map(|(point, seen)| find(point, seen)).collect()
 }
 
+/// How far points have moved since some time \[m\].
+struct Moved {
+    /// Each collision point.
+    points: Vec<f64>,
+    /// The farthest one of each surface.
+    surfaces: Vec<f64>,
+}
+
+impl Moved {
+    /// From `then`, where that is known, to `now`.
+    fn new(all: &Surfaces, then: &[Vector3<f64>], now: &[Vector3<f64>]) -> Moved {
+        if then.is_empty() {
+            return Moved { points: vec![0.0; now.len()], surfaces: vec![0.0; all.list.len()] };
+        }
+        let points: Vec<f64> = now.par_iter().zip(then).map(|(now, then)| (now - then).norm()).collect();
+        let farthest = |s: &Surface| {
+            s.samples.clone().map(|i| points[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })
+        };
+        let surfaces = all.list.par_iter().map(farthest).collect();
+        Moved { points, surfaces }
+    }
+
+    /// A point and a surface against each other.
+    fn at_most(&self, point: usize, surface: usize) -> f64 {
+        self.points[point] + self.surfaces[surface]
+    }
+}
+
 /// One search for near points.
 struct Search<'a> {
     contact: &'a Contact,
@@ -237,9 +282,8 @@ struct Search<'a> {
     p: &'a [Vector3<f64>],
     view: f64,
     aside: f64,
-    /// How far each collision point, and the farthest one of each surface, have moved since the last search \[m\].
-    moved: Vec<f64>,
-    ways: Vec<f64>,
+    /// Since the last search, and since Newton's method has arrived.
+    moved: [Moved; 2],
     /// By surface: normals, boxes of the tree, and the box of all that is not too far.
     normals: Vec<Normals>,
     /// Those by which it is told who faces whom, where they are held.
@@ -263,7 +307,10 @@ impl Search<'_> {
         let all = &contact.surfaces;
         let q = &p[point];
         let mine = all.surface(point as u32);
-        seen.iter_mut().for_each(|s| s.at_least -= self.moved[point] + self.ways[s.surface]);
+        for s in seen.iter_mut() {
+            let [since_search, since_arrival] = self.moved.each_ref().map(|m| m.at_most(point, s.surface));
+            s.at_least = (s.at_least - since_search).max(s.on_arrival - since_arrival);
+        }
         let mut found = Vec::new();
         for &other in &contact.partners.of[mine] {
             if !self.boxes[other].contains(q) || other == mine {
@@ -275,7 +322,8 @@ impl Search<'_> {
                 continue;
             }
             let at = seen.iter().position(|s| s.surface == other).unwrap_or_else(|| {
-                let nothing = Seen { surface: other, nearest: None, at_least: f64::NEG_INFINITY };
+                let unknown = f64::NEG_INFINITY;
+                let nothing = Seen { surface: other, nearest: None, at_least: unknown, on_arrival: unknown };
                 seen.push(*beside.unwrap_or(&nothing));
                 seen.len() - 1
             });
