@@ -280,6 +280,7 @@ fn a_folded_face_takes_nobody_in_who_has_not_moved() {
         for &n in &top {
             for along in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
                 for goes_far in [false, true] {
+                    let contact = contact.anew();
                     let mut x = plan.reference();
                     assert_eq!(contact.energy(&x, softness), 0.0, "apart at the start");
                     x[3 * n + 2] += 0.3e-3;
@@ -290,14 +291,13 @@ fn a_folded_face_takes_nobody_in_who_has_not_moved() {
                             "node {n} after {stride} strides along {along:?}, {goes_far}"
                         );
                         if goes_far {
-                            contact.hold_normals(&x);
+                            contact.arrive();
                             let mut far = x.clone();
                             (0..first).for_each(|n| far[3 * n + 2] -= 30e-3);
                             assert_eq!(contact.energy(&far, softness), 0.0, "apart when far");
                         }
                         (0..2).for_each(|c| x[3 * n + c] += 0.5e-3 * along[c]);
                     }
-                    contact.release_normals();
                 }
             }
         }

@@ -114,11 +114,16 @@ impl Contact {
         *self.held() = Memory::default();
     }
 
-    /// From now on, until [`release_normals`](Contact::release_normals), who faces whom is told by the normals with the nodes at `x` \[m\], where
-    /// Newton's method has arrived.
+    /// Newton's method has arrived where the last search was: what is known there does not wear off with trials.
+    pub fn arrive(&self) {
+        let mut memory = std::mem::take(&mut *self.held());
+        memory.arrive();
+        *self.held() = memory;
+    }
+
+    /// From now on, until [`release_normals`](Contact::release_normals), who faces whom is told by the normals with the nodes at `x` \[m\].
     pub fn hold_normals(&self, x: &[f64]) {
         let p = self.surfaces.positions(x);
-        self.held().arrive();
         self.tell_by(Some(Arc::new(self.normals(&p))));
     }
 

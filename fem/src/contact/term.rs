@@ -83,7 +83,12 @@ impl IslandTerm for ContactTerm {
         if self.softness == 0.0 {
             return false;
         }
-        self.timed(|contact| contact.hold_normals(x));
+        let softness = self.softness;
+        self.timed(|contact| {
+            contact.hold_normals(x);
+            contact.energy(x, softness); // what is known at `x`, and kept: the energy is asked for next
+            contact.arrive();
+        });
         true
     }
 
