@@ -288,7 +288,7 @@ fn a_folded_face_takes_nobody_in_who_has_not_moved() {
                         let energy = contact.energy(&x, softness);
                         assert_eq!(
                             energy, 0.0,
-                            "node {n} after {stride} strides along {along:?}, {goes_far}"
+                            "node {n} after {stride} strides along {along:?}, far in between: {goes_far}"
                         );
                         if goes_far {
                             contact.arrive();

@@ -68,7 +68,7 @@ pub(super) struct Memory {
     all: bool,
     /// Positions of the collision points \[m\].
     p: Vec<Vector3<f64>>,
-    /// The same where Newton's method has arrived; empty before it has.
+    /// The same where Newton's method has arrived; where the memory begins before it has.
     arrived: Vec<Vector3<f64>>,
     /// What each collision point has seen: corners, and the others.
     corners: Vec<Vec<Seen>>,
@@ -176,7 +176,8 @@ impl Contact {
         let all = &self.surfaces;
         let every = primitives > Primitives::Corners;
         if memory.range != [view, aside] {
-            *memory = Memory { range: [view, aside], p: p.to_vec(), ..Memory::default() };
+            let [now, arrived] = [p.to_vec(), p.to_vec()];
+            *memory = Memory { range: [view, aside], p: now, arrived, ..Memory::default() };
             memory.corners.resize_with(p.len(), Vec::new);
         }
         if every && !memory.all {
@@ -210,7 +211,7 @@ impl Contact {
             let ways = all.corners_of[point].map(|c| (way(p, c), c));
             let (way_now, corner) =
                 ways.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("three corners");
-            let way_then = if arrived.is_empty() { 0.0 } else { way(arrived, corner) };
+            let way_then = way(arrived, corner);
             let beside =
                 |s: &Seen| Seen { at_least: s.at_least - way_now, on_arrival: s.on_arrival - way_then, ..*s };
             let known: Vec<Seen> = corners[corner as usize].iter().map(beside).collect();
@@ -261,11 +262,8 @@ struct Moved {
 }
 
 impl Moved {
-    /// From `then`, where that is known, to `now`.
+    /// From `then` to `now`.
     fn new(all: &Surfaces, then: &[Vector3<f64>], now: &[Vector3<f64>]) -> Moved {
-        if then.is_empty() {
-            return Moved { points: vec![0.0; now.len()], surfaces: vec![0.0; all.list.len()] };
-        }
         let points: Vec<f64> = now.par_iter().zip(then).map(|(now, then)| (now - then).norm()).collect();
         let farthest = |s: &Surface| {
             s.samples.clone().map(|i| points[i]).fold(0.0, |m: f64, v| if v <= m { m } else { v })

@@ -285,10 +285,12 @@ pub(super) fn carry_out(
     }
     let mut notes = notes(&prepared, &comparison);
     let scene = &prepared.scene;
-    let is_led = |c: Configuration| asked[c] && !scene.coarser(c).is_empty();
-    // Less than twice the edges is how a scene says that the mesh is solved at once.
-    let is_wanted = scene.deformable && scene.nested_from.is_some_and(|most| most >= 2.0 * scene.resolution);
-    if is_wanted && !Configuration::ALL.into_iter().any(is_led) {
+    let may_be_led = |c: Configuration| !scene.coarser(c).is_empty();
+    let is_led = Configuration::ALL.into_iter().any(|c| asked[c] && may_be_led(c));
+    // Less than twice the edges, where nothing leads without contact either, is how a scene says that the mesh is solved at once.
+    let is_wanted =
+        scene.deformable && scene.nested_from.is_some() && may_be_led(Configuration::WithoutContact);
+    if is_wanted && !is_led {
         notes.push(
             "solver.nested_from_mm led nothing here: coarser meshes do not show the way with cheap contact"
                 .into(),
