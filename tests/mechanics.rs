@@ -27,6 +27,7 @@ mod rollers;
 mod run_files;
 mod scene;
 mod sides;
+#[path = "solver/main.rs"]
 mod solver;
 mod strings;
 mod surfaces;

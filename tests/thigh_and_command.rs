@@ -1,6 +1,7 @@
 //! What `coupling` and the command make of both sides: a file each, in one program.
 
 mod command;
+#[path = "comparison/main.rs"]
 mod comparison;
 mod controller;
 mod cost;
