@@ -6,11 +6,7 @@ use std::path::Path;
 use coupling::optimize::{OptimizeOptions, optimize};
 use multibody::trial::Status;
 use support::walking::Walking;
-use support::{sartorius, shared};
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
+use support::{sartorius, shared, text};
 
 #[test]
 fn the_walker_is_solved_and_every_file_is_there() {

@@ -9,11 +9,7 @@ use std::time::{Duration, Instant};
 use command::output::claim::{Claim, Identity};
 use coupling::fibres::cache::{Cache, FOLDER};
 use support::walking::Walking;
-use support::{program, sartorius};
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
+use support::{program, sartorius, text};
 
 /// Every file below a folder with its bytes.
 fn everything(folder: &Path) -> BTreeMap<String, Vec<u8>> {

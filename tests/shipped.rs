@@ -6,11 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use multibody::shipped::{self, Kind};
-use support::{program, sartorius, shared};
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
+use support::{program, sartorius, shared, text};
 
 #[test]
 fn every_scene_trial_and_subject_of_the_repository_is_in_the_program() {

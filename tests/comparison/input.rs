@@ -1,6 +1,6 @@
 //! What a scene may say, and what is refused.
 
-use super::{parse, text};
+use super::parse;
 use coupling::comparison::Prepared;
 use coupling::scene::StepName;
 use coupling::scene::StressFree;
@@ -8,7 +8,7 @@ use coupling::scene::{Fibres, Scene};
 use fem::scene::{ContactMode, LawSpec};
 use std::fs;
 use std::path::Path;
-use support::sartorius;
+use support::{sartorius, text};
 
 #[test]
 fn an_empty_scene_is_the_walker() {

@@ -8,10 +8,6 @@ mod runs;
 use coupling::scene::Scene;
 use std::path::{Path, PathBuf};
 
-pub fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
 pub fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../gait-data/scenes")
 }

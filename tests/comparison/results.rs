@@ -1,6 +1,5 @@
 //! Whether what `compare` writes is true.
 
-use super::text;
 use coupling::comparison::Prepared;
 use coupling::comparison::explain::explain;
 use coupling::configuration::PerConfiguration;
@@ -10,7 +9,7 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use support::sartorius;
+use support::{sartorius, text};
 
 /// Files of a run that hold no times, by their path in its folder.
 fn timeless(folder: &Path) -> BTreeMap<String, Vec<u8>> {

@@ -1,12 +1,12 @@
 //! How `step` and `compare` run, and what they keep and tell.
 
-use super::{shipped, text};
+use super::shipped;
 use coupling::fibres::cache::FOLDER;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::fs;
 use support::results::files_without_times;
-use support::sartorius;
+use support::{sartorius, text};
 
 #[test]
 fn a_stage_is_a_line_where_standard_error_is_piped() {

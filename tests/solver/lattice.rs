@@ -191,7 +191,7 @@ pub fn no_motion(_: &[f64; 3]) -> [f64; 3] {
     [0.0; 3]
 }
 
-pub fn norm(a: &[f64]) -> f64 {
+fn norm(a: &[f64]) -> f64 {
     a.iter().map(|a| a * a).sum::<f64>().sqrt()
 }
 

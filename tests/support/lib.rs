@@ -120,6 +120,11 @@ impl Random {
     }
 }
 
+/// What a program printed.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
 /// The program itself, run to its end.
 pub fn sartorius(arguments: &[&str], folder: &Path) -> Output {
     Command::new(program()).args(arguments).current_dir(folder).output().expect("the program starts")
